@@ -94,6 +94,7 @@ class LocalSpace::Impl {
     *request.mutable_policy() = ToMessage(options_.policy);
     request.set_variant(variant_);
     request.mutable_tiles()->Add(options_.tiles.begin(), options_.tiles.end());
+    request.set_obstacles(options_.obstacles);
     request.set_include_cells(options_.policy.off_grid != OffGrid::kNearest);
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
@@ -104,6 +105,7 @@ class LocalSpace::Impl {
     const absl::Status ended = connection_->ReadAll<v1::WatchConfigurationSpaceResponse>(
         *reader, context, timeout_,
         [&](const auto& part) { return Take(part, assembly, clock, rule, reason); });
+    if (absl::IsFailedPrecondition(ended)) reason = Reason::kNotCheckedHere;
     if (!ended.ok()) return ended;
     return absl::UnavailableError("the server at " + connection_->address() +
                                   " ended the subscription");
@@ -132,7 +134,7 @@ class LocalSpace::Impl {
     }
     if ((*update)->whole) rule.reset();
     Take(**update, *made, rule);
-    if (rule) return absl::OkStatus();
+    if (rule || (*update)->drawn != nullptr) return absl::OkStatus();
     rule = AskForRule((*update)->basis.database_generation());
     if (rule) Publish([&](Content& content) { content.rule = rule; });
     return absl::OkStatus();
@@ -144,6 +146,7 @@ class LocalSpace::Impl {
       const uint64_t number = content.number + 1;
       content = {.basis = FromMessage(update.basis, made),
                  .map = update.map,
+                 .drawn = update.drawn,
                  .unknown = update.unknown,
                  .validity = {},
                  .rule = rule,

@@ -14,7 +14,8 @@ absl::StatusOr<std::optional<SpaceUpdate>> SpaceAssembly::Add(
   absl::Status status;
   if (first) {
     status = Begin(part);
-  } else if (part.has_basis() || part.has_grid() || part.whole()) {
+  } else if (part.has_basis() || part.has_grid() || part.whole() || part.has_robot() ||
+             part.planes_size() > 0) {
     status = absl::InternalError("an update begins before the previous one has ended");
   }
   if (!status.ok()) return status;
@@ -65,6 +66,33 @@ absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& fir
   map_->cells_exact = first.cells_exact();
   came_.assign(map_->tiles.size(), false);
   begun_ = std::move(update);
+  const absl::Status status = TakeRobot(first);
+  return status.ok() ? TakePlanes(first) : status;
+}
+
+absl::Status SpaceAssembly::TakeRobot(const v1::WatchConfigurationSpaceResponse& first) {
+  if (!first.whole()) {
+    if (!first.has_robot()) return absl::OkStatus();
+    return absl::InternalError("a robot belongs to an update that is whole, and to no other");
+  }
+  robot_ = nullptr;
+  if (!first.has_robot()) return absl::OkStatus();
+  absl::StatusOr<std::shared_ptr<const ServedRobot>> robot = FromMessage(first.robot(), map_->grid);
+  if (!robot.ok()) return robot.status();
+  robot_ = *std::move(robot);
+  return absl::OkStatus();
+}
+
+absl::Status SpaceAssembly::TakePlanes(const v1::WatchConfigurationSpaceResponse& first) {
+  if (begun_->unknown || robot_ == nullptr) {
+    if (first.planes_size() == 0) return absl::OkStatus();
+    return absl::InternalError(begun_->unknown
+                                   ? "an update that makes everything unknown has planes"
+                                   : "an update has planes, and no robot was sent");
+  }
+  absl::StatusOr<std::shared_ptr<const DrawnSpace>> drawn = DrawnSpace::FromMessage(robot_, first);
+  if (!drawn.ok()) return drawn.status();
+  begun_->drawn = *std::move(drawn);
   return absl::OkStatus();
 }
 

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "clients/cpp/drawn_space.h"
 #include "clients/cpp/space_map.h"
 #include "silhouette/answers.h"
 #include "silhouette/v1/collision_service.pb.h"
@@ -29,6 +30,8 @@ struct SpaceUpdate {
   uint64_t tiles_changed = 0;
   // The map after this update, regardless of `unknown`.
   std::shared_ptr<const SpaceMap> map = nullptr;
+  // The scene's obstacles for a drawn robot; null if they are not sent, or `unknown`.
+  std::shared_ptr<const DrawnSpace> drawn = nullptr;
 };
 
 // One stream, from its first part on. Not thread-safe.
@@ -41,13 +44,16 @@ class SpaceAssembly {
 
  private:
   absl::Status Begin(const v1::WatchConfigurationSpaceResponse& first);
+  absl::Status TakeRobot(const v1::WatchConfigurationSpaceResponse& first);
+  absl::Status TakePlanes(const v1::WatchConfigurationSpaceResponse& first);
   absl::Status Take(const v1::ConfigurationSpaceTile& message);
 
-  std::optional<SpaceUpdate> begun_;      // an update whose last part has not come
-  std::shared_ptr<SpaceMap> map_;         // what it makes
-  std::vector<bool> came_;                // which tiles came with it
-  std::shared_ptr<const SpaceMap> last_;  // what the last complete update made
-  uint64_t generation_ = 0;               // of its database
+  std::optional<SpaceUpdate> begun_;          // an update whose last part has not come
+  std::shared_ptr<SpaceMap> map_;             // what it makes
+  std::vector<bool> came_;                    // which tiles came with it
+  std::shared_ptr<const SpaceMap> last_;      // what the last complete update made
+  uint64_t generation_ = 0;                   // of its database
+  std::shared_ptr<const ServedRobot> robot_;  // null: none is drawn, or sent
 };
 
 }  // namespace silhouette::client

@@ -54,6 +54,11 @@ State SpaceSnapshot::StateAt(ConfigurationNumber number) const {
 Verdict SpaceSnapshot::InMap(std::span<const double> q) const {
   const SpaceMap* map = content_->map.get();
   if (map == nullptr) return {};
+  if (content_->drawn != nullptr) {
+    Verdict verdict = content_->drawn->Check(q);
+    verdict.regions = content_->basis.regions;
+    return verdict;
+  }
   Verdict verdict = CheckInMap(
       map->grid, content_->rule.value_or(OffGridRule()), q,
       [map](ConfigurationNumber number) { return map->StateAt(number); },
@@ -70,6 +75,24 @@ Verdict SpaceSnapshot::Check(std::span<const double> q) const {
   Verdict verdict = InMap(q);
   if (const std::optional<Reason> reason = unknown_reason()) return {.reason = *reason};
   return verdict;
+}
+
+PathCheck SpaceSnapshot::CheckMotion(std::span<const double> from, std::span<const double> to,
+                                     double path_resolution) const {
+  const auto unknown = [from](Reason reason) {
+    PathCheck check;
+    check.verdict.reason = reason;
+    check.configuration.assign(from.begin(), from.end());
+    return check;
+  };
+  PathCheck check = unknown(Reason::kNotCheckedHere);
+  if (content_->drawn != nullptr) {
+    check = content_->drawn->CheckMotion(from, to, path_resolution);
+    check.verdict.regions = content_->basis.regions;
+  }
+  if (const std::optional<Reason> reason = unknown_reason()) check = unknown(*reason);
+  check.basis = content_->basis;
+  return check;
 }
 
 ConfigurationChecks SpaceSnapshot::CheckConfigurations(

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "absl/time/time.h"
+#include "clients/cpp/drawn_space.h"
 #include "clients/cpp/off_grid.h"
 #include "clients/cpp/space_map.h"
 #include "silhouette/space_snapshot.h"
@@ -26,6 +27,8 @@ Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration
 struct SpaceSnapshot::Content {
   Basis basis = {};
   std::shared_ptr<const SpaceMap> map = nullptr;
+  // Decides any configuration; null: the map does.
+  std::shared_ptr<const DrawnSpace> drawn = nullptr;
   std::optional<Reason> unknown = Reason::kNoUpdate;
   Validity validity = {};
   // Nothing: unknown; then only configurations on the grid have a state.

@@ -119,6 +119,9 @@ Words WordsFor(Reason reason) {
     case Reason::kAgeUnknown:
       return {"age unknown",
               "the age of the scene is unknown because the server did not report its clock"};
+    case Reason::kNotCheckedHere:
+      return {"not checked here",
+              "LocalSpace cannot check that by itself: see its status, or ask the server"};
   }
   return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The configuration space, kept up to date in the client: checks take nanoseconds and no call.
+// The configuration space, kept up to date in the client: checks take nanoseconds and no call. Of a
+// robot whose images are drawn it holds the scene's obstacles instead, and checks any configuration
+// and any straight motion in microseconds.
 //
 //   silhouette::LocalSpace space(*client, {.max_age = absl::Milliseconds(300)});
 //   ...
@@ -35,6 +37,11 @@ struct LocalSpaceOptions {
   // Greatest age of a usable scene, positive. The server's own max_age also applies if it is
   // smaller.
   absl::Duration max_age = absl::Seconds(1);
+  // If robot images are drawn: hold the scene's obstacles, which decide any configuration; the map
+  // only of `tiles`, or if the server has a collision index. Under the presets uncalibrated and
+  // paper; under any other everything is unknown, kNotCheckedHere, and LocalSpaceStatus::problem
+  // says so. False: hold the map, as of a robot whose images are captured.
+  bool obstacles = true;
 };
 
 // State of the subscription.
@@ -78,6 +85,10 @@ class LocalSpace {
   Verdict Check(std::span<const double> q, Basis* basis = nullptr) const;
   Verdict Check(std::initializer_list<double> q, Basis* basis = nullptr) const {
     return Check(std::span(q.begin(), q.size()), basis);
+  }
+  PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
+                        double path_resolution = 0.005) const {
+    return Snapshot()->CheckMotion(from, to, path_resolution);
   }
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const {
     return Snapshot()->CheckConfigurations(configurations);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A map of the configuration space, from one scene: what LocalSpace holds.
+// The verdicts of one scene: what LocalSpace holds. Of a captured robot a map of the configuration
+// space; of a drawn one what decides any configuration.
 #pragma once
 
 #include <chrono>
@@ -41,16 +42,26 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   const ConfigurationGrid* grid() const;
 
   // Looks at the clock each time; unknown also for a number that no configuration of the grid has.
+  // Of a drawn robot only if tiles were requested, or the server has a collision index.
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }
 
   // The verdict for a configuration, on the grid or off it: the server's verdict, or unknown with
-  // the reason (kBetweenGridPoints: off the grid the map may not suffice; see docs/concepts.md).
+  // the reason (kBetweenGridPoints: off the grid the map may not suffice; see docs/concepts.md). Of
+  // a drawn robot always the server's verdict, in microseconds.
   // Without evidence and hidden_possible; names all allowed regions of the scene.
   Verdict Check(std::span<const double> q) const;
   Verdict Check(std::initializer_list<double> q) const {
     return Check(std::span(q.begin(), q.size()));
   }
+
+  // The straight motion between two configurations of a drawn robot: what Client::CheckPath of
+  // these two waypoints returns, with the same restrictions as Check. Of a captured robot unknown,
+  // kNotCheckedHere: ask the server. `path_resolution`: metres that some point of the robot moves,
+  // as in CheckPathRequest; std::invalid_argument if it is not 0.0005 to 0.1. A motion that
+  // takes more than a million checks is unknown, kNotCheckedHere.
+  PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
+                        double path_resolution = 0.005) const;
 
   // Many at once, with one look at the clock.
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const;

@@ -16,7 +16,7 @@ enum class State : uint8_t {
 };
 
 // Why a verdict is unknown. Values below 200 are those of silhouette.v1.Verdict.Reason; the others
-// are for maps in this library.
+// are for LocalSpace.
 enum class Reason : uint8_t {
   kUnspecified = 0,  // the verdict is free or occupied, or the server gave a reason not known here
   kNoScene = 1,
@@ -53,6 +53,7 @@ enum class Reason : uint8_t {
   kUpdateExpired = 206,
   kUpdateMalformed = 207,
   kAgeUnknown = 208,
+  kNotCheckedHere = 209,
 };
 
 // "free", "occupied", "unknown".

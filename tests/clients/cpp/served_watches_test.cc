@@ -132,7 +132,7 @@ TEST(ServedLocalSpace, ServerThatStopsLeavesNothingKnown) {
 TEST(ServedLocalSpace, PolicyThatCannotBeServedIsNamed) {
   RunningServer running;
   const LocalSpace space(running.client(), {.policy = {.preset = "calibrated"}});
-  EXPECT_EQ(space.WaitForUpdate(0, kServedWatchesLong)->unknown_reason(), Reason::kConnectionLost);
+  EXPECT_EQ(space.WaitForUpdate(0, kServedWatchesLong)->unknown_reason(), Reason::kNotCheckedHere);
   EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kFailedPrecondition);
 }
 

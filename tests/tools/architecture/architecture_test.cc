@@ -26,7 +26,7 @@ const fs::path kBuild = SILHOUETTE_BUILD_DIR;
 const std::vector<std::string> kRooms = {"proto",   "db",     "common",  "calib",
                                          "capture", "server", "clients", "tools"};
 // What clients/ may use of the other rooms.
-const Names kForClients = {"proto", "db/mask"};
+const Names kForClients = {"proto", "db/mask", "calib/camera", "calib/robot/drawing"};
 // The pure core knows the standard library and Eigen alone.
 const Names kPureCore = {"db/mask", "db/index", "calib/camera", "calib/robot/drawing",
                          "server/collision"};
