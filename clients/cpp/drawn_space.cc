@@ -84,7 +84,18 @@ bool DrawnSpace::IsOutside(std::span<const double> q) const {
   return DrawnPlaceBetween(robot_->robot->chain(), robot_->grid, {}, q, q) == DrawnPlace::kOutside;
 }
 
-Verdict DrawnSpace::Check(std::span<const double> q) const { return Judge(q, {}, q, q); }
+bool DrawnSpace::FreeByNode(std::span<const double> q, const SpaceMap& map) const {
+  if (!map.grid.has_any()) return false;
+  const std::optional<ConfigurationNumber> node = map.grid.Nearest(q);
+  return node && map.StateAt(*node) == State::kFree &&
+         DrawnPlaceBetween(robot_->robot->chain(), robot_->grid, robot_->forbidden, q, q) ==
+             DrawnPlace::kOpen;
+}
+
+Verdict DrawnSpace::Check(std::span<const double> q, const SpaceMap& map) const {
+  if (FreeByNode(q, map)) return {.state = State::kFree};
+  return Judge(q, {}, q, q);
+}
 
 PathCheck DrawnSpace::CheckMotion(std::span<const double> from, std::span<const double> to,
                                   double path_resolution) const {

@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "calib/robot/drawing/drawn_checker.h"
 #include "calib/robot/drawing/drawn_robot.h"
+#include "clients/cpp/space_map.h"
 #include "db/mask/joint_regions.h"
 #include "silhouette/answers.h"
 #include "silhouette/configuration_grid.h"
@@ -39,8 +40,9 @@ class DrawnSpace {
   static absl::StatusOr<std::shared_ptr<const DrawnSpace>> FromMessage(
       std::shared_ptr<const ServedRobot> robot, const v1::WatchConfigurationSpaceResponse& update);
 
-  // Without evidence, hidden_possible and regions.
-  Verdict Check(std::span<const double> q) const;
+  // Without evidence, hidden_possible and regions. `map`: of the same scene: where a node of the
+  // arm (GridJoint::any) is free, so are all joint values whose nearest node it is.
+  Verdict Check(std::span<const double> q, const SpaceMap& map) const;
   // As SpaceSnapshot::CheckMotion; without a basis.
   PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
                         double path_resolution) const;
@@ -53,6 +55,7 @@ class DrawnSpace {
   Verdict Judge(std::span<const double> q, Growth growth, std::span<const double> from,
                 std::span<const double> to) const;
   bool IsOutside(std::span<const double> q) const;
+  bool FreeByNode(std::span<const double> q, const SpaceMap& map) const;
 
   std::shared_ptr<const ServedRobot> robot_;
   bool view_missing_ = false;

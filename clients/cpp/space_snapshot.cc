@@ -55,7 +55,7 @@ Verdict SpaceSnapshot::InMap(std::span<const double> q) const {
   const SpaceMap* map = content_->map.get();
   if (map == nullptr) return {};
   if (content_->drawn != nullptr) {
-    Verdict verdict = content_->drawn->Check(q);
+    Verdict verdict = content_->drawn->Check(q, *map);
     verdict.regions = content_->basis.regions;
     return verdict;
   }

@@ -403,6 +403,33 @@ TEST(DrawnSpace, MessageThatIsNotWholeIsRefused) {
   }
 }
 
+TEST(DrawnSpace, WhatIsNearestToAFreeNodeIsFreeAtOnceAndNothingElse) {
+  DrawnUpdate part = FirstDrawnUpdate();
+  for (v1::ObstaclePlane& plane : *part.mutable_planes()) {
+    plane.mutable_mask()->set_bits(std::string(kDrawnSize.bytes(), '\xff'));
+  }
+  const auto state = [](const DrawnUpdate& of, const Configuration& q) {
+    SpaceAssembly assembly;
+    const auto update = assembly.Add(of);
+    EXPECT_TRUE(update.ok() && *update) << update.status();
+    return (*update)->drawn->Check(q, *(*update)->map);
+  };
+  EXPECT_EQ(state(part, {-3, 0}).state, State::kOccupied);
+  // The free node is at the first value of "turn".
+  v1::ConfigurationSpaceTile& tile = *part.add_tiles();
+  tile.set_free(std::string(1, '\x01') + std::string(kTileSize / 8 - 1, '\0'));
+  tile.set_occupied(std::string(kTileSize / 8, '\0'));
+  EXPECT_EQ(state(part, {-3, -1.9}).state, State::kOccupied) << "no node";
+  part.mutable_grid()->mutable_joints(1)->set_steps(1);
+  for (const double lift : {-2.0, 0.0, 0.9}) {
+    EXPECT_TRUE(state(part, {-3, lift}).free());
+    EXPECT_TRUE(state(part, {-4, lift}).free());
+    EXPECT_EQ(state(part, {0, lift}).state, State::kOccupied);
+  }
+  EXPECT_EQ(state(part, {-3, 1.2}).reason, Reason::kExcluded);
+  EXPECT_EQ(state(part, {-3, 2.1}).reason, Reason::kOutsideGrid);
+}
+
 TEST(DrawnSpace, PlanesCountForOneUpdateAndTheRobotForTheStream) {
   DrawnUpdate first = FirstDrawnUpdate();
   SpaceAssembly assembly;
