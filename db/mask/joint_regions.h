@@ -14,7 +14,7 @@ namespace silhouette {
 
 // The values that a region holds of one joint; of a joint that turns without end, every turn of
 // them.
-struct JointRange {
+struct RegionRange {
   size_t joint = 0;
   bool continuous = false;
   double lower = 0;
@@ -24,7 +24,7 @@ struct JointRange {
 class JointRegions {
  public:
   // What holds the values of all of its ranges; joints without a range have any value.
-  using Region = std::vector<JointRange>;
+  using Region = std::vector<RegionRange>;
 
   JointRegions() = default;  // nowhere
   // Throws std::invalid_argument if a region has no range, or one whose bounds are not finite and

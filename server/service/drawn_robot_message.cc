@@ -63,7 +63,7 @@ void ToMessage(const ServedDatabase& database, v1::DrawnRobot* message) {
   }
   for (const JointRegions::Region& region : database.robot_images().forbidden().regions()) {
     v1::ForbiddenRegion& added = *message->add_forbidden();
-    for (const JointRange& range : region) {
+    for (const RegionRange& range : region) {
       v1::ForbiddenRange& bounds = *added.add_ranges();
       bounds.set_joint(static_cast<uint32_t>(range.joint));
       bounds.set_lower(range.lower);
