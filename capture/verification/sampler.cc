@@ -19,7 +19,7 @@ constexpr int kMostSteps = 60;
 }  // namespace
 
 ModelSampler::ModelSampler(const DrawnRobot& robot, std::span<const GridJoint> joints,
-                           const Eigen::AlignedBox3d& workspace, Forbidden forbidden,
+                           const Eigen::AlignedBox3d& workspace, JointRegions forbidden,
                            const SamplerSettings& settings, uint64_t seed)
     : robot_(robot),
       joints_(joints.begin(), joints.end()),
@@ -150,7 +150,7 @@ bool ModelSampler::IsClear(std::span<const double> q) {
 }
 
 bool ModelSampler::IsClearWay(std::span<const double> from, std::span<const double> to) {
-  if (forbidden_ && forbidden_(from, to)) return false;
+  if (forbidden_.Between(from, to)) return false;
   const auto steps =
       static_cast<int>(std::ceil(GreatestDisplacement(robot_, from, to) / settings_.step));
   Configuration q(from.size());

@@ -5,7 +5,6 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <random>
 #include <span>
@@ -14,6 +13,7 @@
 
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 
 namespace silhouette {
 
@@ -30,14 +30,12 @@ struct SamplerSettings {
 // For one thread.
 class ModelSampler {
  public:
-  // Whether the robot must not move between two configurations of its joints; empty: it may.
-  using Forbidden = std::function<bool(std::span<const double> from, std::span<const double> to)>;
-
   // `joints`: the ranges that the joints of the robot are driven in. `workspace`: what the robot
-  // must not leave, in its base's frame; what no joint moves may. The same seed gives the same
-  // configurations. Throws std::invalid_argument if there is not a range for each joint.
+  // must not leave, in its base's frame; what no joint moves may. `forbidden`: what it must not
+  // move through, by its joints. The same seed gives the same configurations. Throws
+  // std::invalid_argument if there is not a range for each joint.
   ModelSampler(const DrawnRobot& robot, std::span<const GridJoint> joints,
-               const Eigen::AlignedBox3d& workspace, Forbidden forbidden,
+               const Eigen::AlignedBox3d& workspace, JointRegions forbidden,
                const SamplerSettings& settings, uint64_t seed);
 
   // The next one, to which the way from `here` is clear; nothing if chance finds none.
@@ -62,7 +60,7 @@ class ModelSampler {
   const DrawnRobot& robot_;
   const std::vector<GridJoint> joints_;
   const Eigen::AlignedBox3d workspace_;
-  const Forbidden forbidden_;
+  const JointRegions forbidden_;
   const SamplerSettings settings_;
   std::mt19937_64 random_;
   std::vector<bool> moves_;                       // by part

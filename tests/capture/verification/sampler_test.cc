@@ -87,9 +87,7 @@ TEST_F(SamplerTest, RobotThatMeetsItselfOrTheFloorIsNotClear) {
 }
 
 TEST_F(SamplerTest, ForbiddenWaysAreNotTaken) {
-  const auto forbidden = [](std::span<const double> from, std::span<const double> to) {
-    return from[0] > 0.5 || to[0] > 0.5;
-  };
+  const JointRegions forbidden({{{.joint = 0, .lower = 0.5, .upper = 10}}});
   ModelSampler guarded(robot, joints, workspace, forbidden, {}, 1);
   Configuration here = Upright();
   for (int i = 0; i < 20; ++i) {
