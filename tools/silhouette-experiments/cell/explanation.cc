@@ -14,6 +14,7 @@
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
+#include "tools/silhouette-experiments/cell/inner_balls.h"
 
 namespace silhouette::cell_experiment {
 namespace {
@@ -178,13 +179,49 @@ std::vector<Explanation> Explainer::Explain(const ViewedScene& viewed,
       continue;
     }
     const Policy& policy = setting_.policies[p];
-    const CauseFound found = FindCause(places, policy, missed.where == kOnGrid);
+    CauseFound found = FindCause(places, policy, missed.where == kOnGrid);
+    if (found.cause == Cause::kSize) found = SoundCause(viewed, points, places, found);
     const ContactPoint& point = points[found.place];
     explanations.push_back({.cause = found.cause,
                             .sentence = Sentence(viewed, found, places[found.place], point, policy),
                             .place = point.point});
   }
   return explanations;
+}
+
+std::optional<size_t> Explainer::ViewThrough(const ViewedScene& viewed,
+                                             const Eigen::Vector3d& centre, double radius) const {
+  for (const Eigen::Vector3d& point : PointsOfBall(centre, radius)) {
+    for (size_t view = 0; view < mask_cameras_.size(); ++view) {
+      const auto pixel = mask_cameras_[view].Project(point);
+      if (!pixel || !mask_cameras_[view].Contains(*pixel)) continue;
+      const ObstacleImage& image = *viewed.scene.obstacle_images[view];
+      const int x = std::clamp(PixelOf(pixel->x()), 0, image.size().width - 1);
+      const int y = std::clamp(PixelOf(pixel->y()), 0, image.size().height - 1);
+      if (PlaneAt(image, x, y) == PlaceInView::kBackground) return view;
+    }
+  }
+  return std::nullopt;
+}
+
+CauseFound Explainer::SoundCause(const ViewedScene& viewed, std::span<const ContactPoint> points,
+                                 std::span<const Place> places, const CauseFound& found) const {
+  const double radius = setting_.database.sound()->space().least_obstacle();
+  std::optional<CauseFound> seen_through;
+  for (size_t i = 0; i < points.size(); ++i) {
+    const bool as_it_should_be = std::ranges::all_of(places[i], [](const PlaceInView& view) {
+      return view.in_test_image && view.plane != PlaceInView::kBackground;
+    });
+    if (!as_it_should_be) continue;
+    for (const Obstacle& obstacle : viewed.truth.obstacles) {
+      for (const Eigen::Vector3d& centre : BallsWithin(obstacle, points[i].point, radius)) {
+        const std::optional<size_t> view = ViewThrough(viewed, centre, radius);
+        if (!view) return {.cause = Cause::kUnexplained, .place = i, .view = 0};
+        seen_through = CauseFound{.cause = Cause::kContrast, .place = i, .view = *view};
+      }
+    }
+  }
+  return seen_through.value_or(found);
 }
 
 double Explainer::DifferenceAt(const ViewedScene& viewed, size_t view,
@@ -258,8 +295,8 @@ std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& fou
                           " no robot image at the grid cell's corners has the pixel where ", where,
                           ".");
     case Cause::kSize:
-      return absl::StrCat("Size: ", where, " where, by the views, there is no room for the least ",
-                          "obstacle.");
+      return absl::StrCat("Size: ", where, " where no ball of the least obstacle's radius lies in ",
+                          "it.");
     case Cause::kUnexplained:
       break;
   }

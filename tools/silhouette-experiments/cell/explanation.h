@@ -8,12 +8,18 @@
 // front or behind, background subtraction cannot show an obstacle. So a missing configuration is
 // *hidden* if no place of contact would convict it even in perfect images - in all views, or in
 // more than the policy allows for; else something went wrong at the place that would.
+//
+// The sound presets promise to find every obstacle that is a union of balls of the least size and
+// that background subtraction shows. So what they miss is explained only if no such ball that holds
+// a place of contact lies in the obstacle (*size*), or if every such ball has a pixel that shows
+// background (*contrast*); one that has none is *unexplained*: a fault.
 #pragma once
 
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,7 +40,7 @@ enum class Cause : uint8_t {
   kShadow,      // background subtraction: the robot's image has its shadow
   kRobotImage,  // the robot image of the test configuration lacks the place
   kTestCell,    // discretisation: the images of the grid cell's corners lack the place
-  kSize,        // sound presets: what is there is smaller than the least obstacle
+  kSize,        // sound presets: the obstacle has no room for the least obstacle there
   kUnexplained,
 };
 inline constexpr size_t kCauses = 10;
@@ -63,7 +69,8 @@ struct CauseFound {
   size_t view = 0;   // the view with the fault; kHidden, kOccluded, kSize, kUnexplained: 0
 };
 
-// `places`: at least one, all of as many views. `on_grid`: where the test configuration is.
+// `places`: at least one, all of as many views. `on_grid`: where the test configuration is. Under
+// the sound presets kSize stands for a place where all views are as they should be.
 CauseFound FindCause(std::span<const Place> places, const Policy& policy, bool on_grid);
 
 // A missing configuration explained: the cause, and a sentence about it.
@@ -83,6 +90,12 @@ class Explainer {
   std::vector<Explanation> Explain(const ViewedScene& viewed, const MissedConfiguration& missed);
 
  private:
+  // FindCause's for a sound preset, looked into where all views are as they should be.
+  CauseFound SoundCause(const ViewedScene& viewed, std::span<const ContactPoint> points,
+                        std::span<const Place> places, const CauseFound& found) const;
+  // A view that shows background somewhere on the ball, by the obstacle images; nothing: none does.
+  std::optional<size_t> ViewThrough(const ViewedScene& viewed, const Eigen::Vector3d& centre,
+                                    double radius) const;
   Place At(const ViewedScene& viewed, const std::vector<Mask>& test_images,
            const Eigen::Vector3d& point);
   // Why the robot's image covers a pixel on whose line of sight through a place it is not.
