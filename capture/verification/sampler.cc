@@ -13,6 +13,9 @@ namespace {
 // Parts that are near each other at nearly all configurations are built so.
 constexpr int kLearnt = 400;
 constexpr double kBuiltSo = 0.9;
+// They are learnt at so much more than the clearance, metres: rounding must not decide of links
+// that keep just the clearance whatever the joints do.
+constexpr double kBeyond = 0.01;
 // Of Gilbert's algorithm; parts that it cannot tell apart then count as near.
 constexpr int kMostSteps = 60;
 
@@ -51,24 +54,40 @@ ModelSampler::ModelSampler(const DrawnRobot& robot, std::span<const GridJoint> j
           parent(second) == static_cast<int>(first)) {
         continue;
       }
-      pairs_.emplace_back(a, b);
+      const bool near = JointsBetween(first, second) <= 2;
+      pairs_.push_back(
+          {.a = a, .b = b, .clearance = near ? settings.clearance_of_near : settings.clearance});
     }
   }
   LearnPairs();
 }
 
+int ModelSampler::JointsBetween(size_t first, size_t second) const {
+  const std::span<const ChainLink> links = robot_.chain().links();
+  int joints = 0;
+  // Parents stand before their children.
+  while (first != second) {
+    size_t& later = first > second ? first : second;
+    if (links[later].joint >= 0) ++joints;
+    later = static_cast<size_t>(links[later].parent);
+  }
+  return joints;
+}
+
 void ModelSampler::LearnPairs() {
   met_.assign(pairs_.size(), 0);
+  for (PartPair& pair : pairs_) pair.clearance += kBeyond;
   for (int i = 0; i < kLearnt; ++i) {
     robot_.chain().Pose(Any(), poses_);
     robot_.balls().Place(poses_, {}, placed_);
     MeetsItself(/*learn=*/true);
   }
-  std::vector<std::pair<size_t, size_t>> pairs;
+  std::vector<PartPair> pairs;
   for (size_t i = 0; i < pairs_.size(); ++i) {
     if (met_[i] < kBuiltSo * kLearnt) pairs.push_back(pairs_[i]);
   }
   pairs_ = std::move(pairs);
+  for (PartPair& pair : pairs_) pair.clearance -= kBeyond;
 }
 
 Configuration ModelSampler::Any() {
@@ -79,26 +98,26 @@ Configuration ModelSampler::Any() {
   return q;
 }
 
-bool ModelSampler::BallsAreNear(size_t a, size_t b) const {
+bool ModelSampler::BallsAreNear(const PartPair& pair) const {
   const PartBalls& balls = robot_.balls();
-  return std::ranges::any_of(balls_[a], [&](size_t of_a) {
-    return std::ranges::any_of(balls_[b], [&](size_t of_b) {
+  return std::ranges::any_of(balls_[pair.a], [&](size_t of_a) {
+    return std::ranges::any_of(balls_[pair.b], [&](size_t of_b) {
       const double x = placed_.x[of_a] - placed_.x[of_b];
       const double y = placed_.y[of_a] - placed_.y[of_b];
       const double z = placed_.z[of_a] - placed_.z[of_b];
       const double apart = balls.radius(of_a) + balls.radius(of_b) + placed_.growth[of_a] +
-                           placed_.growth[of_b] + settings_.clearance;
+                           placed_.growth[of_b] + pair.clearance;
       return x * x + y * y + z * z < apart * apart;
     });
   });
 }
 
-bool ModelSampler::AreNear(size_t a, size_t b) const {
-  const RobotPart& first = robot_.parts()[a];
-  const RobotPart& second = robot_.parts()[b];
+bool ModelSampler::AreNear(const PartPair& pair) const {
+  const RobotPart& first = robot_.parts()[pair.a];
+  const RobotPart& second = robot_.parts()[pair.b];
   const Eigen::Isometry3d& from_first = poses_[first.moves_with];
   const Eigen::Isometry3d& from_second = poses_[second.moves_with];
-  const double apart = first.radius + second.radius + settings_.clearance;
+  const double apart = first.radius + second.radius + pair.clearance;
   // The difference of two points, one of each part, that is least along `towards`.
   const auto least = [&](const Eigen::Vector3d& towards) -> Eigen::Vector3d {
     Eigen::Index near = 0;
@@ -124,8 +143,7 @@ bool ModelSampler::AreNear(size_t a, size_t b) const {
 
 bool ModelSampler::MeetsItself(bool learn) {
   for (size_t i = 0; i < pairs_.size(); ++i) {
-    const auto [a, b] = pairs_[i];
-    const bool meet = BallsAreNear(a, b) && AreNear(a, b);
+    const bool meet = BallsAreNear(pairs_[i]) && AreNear(pairs_[i]);
     if (meet && !learn) return true;
     if (meet) ++met_[i];
   }

@@ -8,7 +8,6 @@
 #include <optional>
 #include <random>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "calib/robot/drawing/drawn_robot.h"
@@ -21,6 +20,8 @@ struct SamplerSettings {
   // Links that are no neighbours keep this distance, and all keep it from the workspace's faces:
   // cables and hoses are not in the model. Metres.
   double clearance = 0.08;
+  // The same of links with no more than two joints between them: wrists are built close.
+  double clearance_of_near = 0.02;
   // Motions are looked at where no point of the robot moves farther than this, metres.
   double step = 0.04;
   // Configurations that are tried until one can be reached.
@@ -47,12 +48,21 @@ class ModelSampler {
   bool IsClearWay(std::span<const double> from, std::span<const double> to);
 
  private:
+  // Two parts, and the distance that they keep.
+  struct PartPair {
+    size_t a = 0;
+    size_t b = 0;
+    double clearance = 0;
+  };
+
   Configuration Any();
+  // Of the joints between two links.
+  int JointsBetween(size_t first, size_t second) const;
   // Whether two parts may be nearer than the clearance: by their balls, and by their points (E. G.
   // Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set,
   // 1966).
-  bool BallsAreNear(size_t a, size_t b) const;
-  bool AreNear(size_t a, size_t b) const;
+  bool BallsAreNear(const PartPair& pair) const;
+  bool AreNear(const PartPair& pair) const;
   // Whether parts that are looked at are near each other; or, to learn, how often each pair is.
   bool MeetsItself(bool learn);
   void LearnPairs();
@@ -63,10 +73,10 @@ class ModelSampler {
   const JointRegions forbidden_;
   const SamplerSettings settings_;
   std::mt19937_64 random_;
-  std::vector<bool> moves_;                       // by part
-  std::vector<std::pair<size_t, size_t>> pairs_;  // of parts that may meet
-  std::vector<std::vector<size_t>> balls_;        // by part
-  std::vector<int> met_;                          // by pair, while they are learnt
+  std::vector<bool> moves_;                 // by part
+  std::vector<PartPair> pairs_;             // that may meet
+  std::vector<std::vector<size_t>> balls_;  // by part
+  std::vector<int> met_;                    // by pair, while they are learnt
   PlacedBalls placed_;
   std::vector<Eigen::Isometry3d> poses_;
 };

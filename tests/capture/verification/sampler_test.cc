@@ -75,8 +75,17 @@ TEST_F(SamplerTest, WaysStayInTheWorkspaceAndReachAllRanges) {
       EXPECT_GE(q[j], joint.lower);
       EXPECT_LE(q[j], joint.upper);
     }
-    EXPECT_GT(highest - lowest, 0.15 * (joint.upper - joint.lower)) << joint.name;
+    EXPECT_GT(highest - lowest, 0.4 * (joint.upper - joint.lower)) << joint.name;
   }
+}
+
+TEST_F(SamplerTest, LinksThatKeepJustTheClearanceDoNotStopTheRobot) {
+  // 3 cm from the wrist to the tool, with half a centimetre more on each.
+  std::vector<RobotPart> parts = robot.parts();
+  for (RobotPart& part : parts) part.radius += 0.005;
+  const DrawnRobot grown(robot.chain(), parts, {});
+  ModelSampler of_grown(grown, joints, workspace, {}, {}, 1);
+  EXPECT_TRUE(of_grown.Next(Upright()).has_value());
 }
 
 TEST_F(SamplerTest, RobotThatMeetsItselfOrTheFloorIsNotClear) {
