@@ -40,9 +40,14 @@ bool PathWatch::NextPart(v1::WatchPathResponse& part) {
 
 namespace {
 
+// Whether each map of the database is drawn, and not looked up in an index.
+bool DrawsMaps(const ServedDatabase& database) {
+  return database.robot_images().drawn() != nullptr && database.index() == nullptr &&
+         database.node_index(DrawnKind::kReach) == nullptr;
+}
+
 absl::Status CheckWatched(const ServedDatabase& database, size_t tiles) {
-  const bool drawn = database.robot_images().drawn() != nullptr && database.index() == nullptr;
-  if (!drawn || tiles <= kMaxDrawnTiles) return absl::OkStatus();
+  if (!DrawsMaps(database) || tiles <= kMaxDrawnTiles) return absl::OkStatus();
   return absl::FailedPreconditionError(absl::StrCat(
       "tiles: the robot's images are drawn and not stored, so each scene's map is drawn again; "
       "there are ",
@@ -82,7 +87,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
                    TilesFrom(request_.tiles(), served.database->grid()));
   ASSIGN_OR_RETURN(const bool obstacles, GivesObstacles(request_, *served.database, policy));
   // Who checks any configuration alone needs no map that is drawn.
-  if (obstacles && request_.tiles().empty() && served.database->index() == nullptr) tiles.clear();
+  if (obstacles && request_.tiles().empty() && DrawsMaps(*served.database)) tiles.clear();
   RETURN_IF_ERROR(CheckWatched(*served.database, tiles.size()));
   const bool cells = TellsCells(request_.include_cells(), policy);
   std::shared_ptr<const ConfigurationSpace> space;
