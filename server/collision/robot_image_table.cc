@@ -87,7 +87,8 @@ RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
   const Configuration q = grid_.At(*index);
   if (!has_nodes()) return StateBetween(q, q);
   const NodeCell cell = CellOf(grid_, q);
-  return forbidden_.Between(cell.from, cell.to) ? RobotImageState::kExcluded : RobotImageState::kPresent;
+  return forbidden_.Between(cell.from, cell.to) ? RobotImageState::kExcluded
+                                                : RobotImageState::kPresent;
 }
 
 RobotImageState RobotImageTable::StateBetween(std::span<const double> from,

@@ -104,7 +104,8 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
 absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client,
                                     const WatchArguments& arguments, Lines& lines) {
   ASSIGN_OR_RETURN(const absl::Duration max_age, ParseDuration(arguments.max_age));
-  const LocalSpace space(client, {.policy = session.policy, .max_age = max_age, .obstacles = false});
+  const LocalSpace space(client,
+                         {.policy = session.policy, .max_age = max_age, .obstacles = false});
   uint64_t printed = 0;
   std::optional<client::Reason> last;
   while (!lines.End()) {

@@ -16,7 +16,7 @@
 
 #include "calib/camera/camera_model.h"
 #include "calib/robot/drawing/lens_window.h"
-#include "calib/robot/drawing/pixel_corners.h"
+#include "calib/robot/drawing/square_corners.h"
 #include "db/mask/mask.h"
 
 namespace silhouette {
@@ -111,7 +111,7 @@ class PartDrawer {
   double margin_ = 0;  // pixels: of the calibration
   LensWindow window_;
   double widened_ = 0;  // pixels by which all outlines are widened: the margin, and rounding
-  PixelCorners corners_;
+  SquareCorners corners_;
 };
 
 }  // namespace silhouette

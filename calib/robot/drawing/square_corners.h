@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PixelCorners: which pixels of a view lie within an outline for certain. Uses the standard library
-// and Eigen alone.
+// SquareCorners: which pixels of a view lie within an outline for certain. Uses the standard
+// library and Eigen alone.
 //
 // A value; used by any number of threads. 64 bytes a pixel.
 #pragma once
@@ -15,10 +15,10 @@
 
 namespace silhouette {
 
-class PixelCorners {
+class SquareCorners {
  public:
   // Of the pixels' squares of `camera`, widened by `margin` pixels.
-  PixelCorners(const CameraModel& camera, double margin);
+  SquareCorners(const CameraModel& camera, double margin);
 
   // Sets the pixels of whose widened squares all is within a convex outline at z = 1 (ConvexHull),
   // which has three corners or more. `words`: of a mask of the camera's size.

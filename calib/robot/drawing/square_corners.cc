@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calib/robot/drawing/pixel_corners.h"
+#include "calib/robot/drawing/square_corners.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -14,7 +14,7 @@ using Eigen::Vector2d;
 
 }  // namespace
 
-PixelCorners::PixelCorners(const CameraModel& camera, double margin) {
+SquareCorners::SquareCorners(const CameraModel& camera, double margin) {
   const CameraIntrinsics& in = camera.intrinsics();
   const auto at = [&](double x, double y) { return AtOneMetre(camera, {x, y}); };
   const double half = 0.5 + margin;
@@ -42,7 +42,7 @@ PixelCorners::PixelCorners(const CameraModel& camera, double margin) {
   bend_ = 2 * second * (2 * half) * (2 * half) / 8 + 1e-9;
 }
 
-void PixelCorners::AddInside(std::span<const Vector2d> outline, std::span<uint64_t> words) const {
+void SquareCorners::AddInside(std::span<const Vector2d> outline, std::span<uint64_t> words) const {
   AlignedBox2d box;
   for (const Vector2d& point : outline) box.extend(point);
   const auto is_inside = [&](const Vector2d& p) {
