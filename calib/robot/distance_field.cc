@@ -51,7 +51,7 @@ TriangleMesh Welded(const TriangleMesh& mesh) {
 bool HasTwoSidedTriangle(const TriangleMesh& mesh) {
   std::set<std::array<uint32_t, 3>> sides;  // least corner first, in the order of the triangle
   for (std::array<uint32_t, 3> corners : mesh.triangles) {
-    std::ranges::rotate(corners, std::ranges::min_element(corners));
+    std::rotate(corners.begin(), std::ranges::min_element(corners), corners.end());
     if (sides.contains({corners[0], corners[2], corners[1]})) return true;
     sides.insert(corners);
   }
