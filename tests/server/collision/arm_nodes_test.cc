@@ -108,8 +108,7 @@ TEST_F(ArmNodesTest, MissingViewIsNeverFree) {
 TEST_F(ArmNodesTest, NodeIsExcludedIfAnyOfItsCellIsForbidden) {
   const auto [balls, images] = arm_.SomeScene(random_, 1);
   const RobotImageTable table = RobotImageTable::Drawn(
-      Grid(), arm_.robot(),
-      [](std::span<const double>, std::span<const double> to) { return to[2] > 0.19; });
+      Grid(), arm_.robot(), JointRegions({{{.joint = 2, .lower = 0.19, .upper = 1}}}));
   const CollisionChecker test(table, images, {});
   EXPECT_EQ(test.Check(ConfigurationNumber{0}).reason(), Reason::kExcluded);
   EXPECT_NE(test.Check(table.grid().At(0)).reason(), Reason::kExcluded);

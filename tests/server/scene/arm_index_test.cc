@@ -97,7 +97,7 @@ struct ArmIndexTest : ::testing::Test {
 };
 
 TEST_F(ArmIndexTest, MapByTheIndexIsTheMapThatIsDrawnAndHoldsAtAllJointValues) {
-  cell.forbidden = [](std::span<const double>, std::span<const double> to) { return to[0] > 3; };
+  cell.forbidden = JointRegions({{{.joint = 0, .lower = 3, .upper = 4}}});
   cell.forbidden_text = "turn 3 4; \n";
   Make("stored", {DrawnKind::kOwn, DrawnKind::kReach});
   Make("empty", {});
@@ -207,7 +207,7 @@ TEST_F(ArmIndexTest, ImagesOfWholeRobotsDecideNothing) {
   storage::v1::DrawnImages images;
   images.set_digest(DigestOf(*robot));
   images.set_tolerance(cell.parts.tolerance);
-  ASSERT_TRUE(DrawInto(**database, images, WholeRobot(robot, nullptr), {.program = "test"}).ok());
+  ASSERT_TRUE(DrawInto(**database, images, WholeRobot(robot, {}), {.program = "test"}).ok());
   ASSERT_TRUE(BuildCollisionIndex(**database).ok());
   const auto loaded = Loaded("whole");
   EXPECT_EQ(loaded->index(), nullptr);
