@@ -25,7 +25,7 @@ struct VerifyModelProgram : testing::Test {
                   "parts:\n"
                   "  default:\n"
                   "    - {link: forearm, capsule: {radius: 0.02, length: 0.3},\n"
-                  "       position: [0.14, 0, 0.25], brightness: 0.9}\n");
+                  "       position: [0.18, 0, 0.25], brightness: 0.9}\n");
     Write("captured.yaml", "", "grid:\n  steps: {joint_1: 9, joint_3: 5}\n");
     Write("drawn.yaml", "  images: drawn\n",
           "workspace: {lower: [-1.9, -1.9, 0], upper: [1.9, 1.9, 2.4]}\n");

@@ -471,6 +471,10 @@ TEST(SilhouetteProgram, BrokenStreamIsNoSpace) {
 
 TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
   FakeServer server;
+  server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {
+    *response.mutable_grid() = FreeLine().grid();
+    return grpc::Status::OK;
+  };
   server.configuration_space = [](auto&, auto&, auto& writer) {
     writer.Write(FreeLine());
     return grpc::Status::OK;
