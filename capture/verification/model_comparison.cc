@@ -15,7 +15,7 @@
 namespace silhouette {
 namespace {
 
-// Costs are counted on so many samples: they are needed to a tenth.
+// The number of samples on which the cost of a growth is counted: a tenth of it is exact enough.
 constexpr size_t kCostSamples = 24;
 // A robot with fewer pixels says nothing of a shift.
 constexpr size_t kLeastForShift = 20;

@@ -33,7 +33,7 @@ class JointRegions {
 
   bool empty() const { return regions_.empty(); }
   const std::vector<Region>& regions() const { return regions_; }
-  // Whether each range is of one of so many joints.
+  // Whether every range names one of the joints 0 to `joints` - 1.
   bool Fits(size_t joints) const;
 
   // The number of the first region that a move between two configurations may touch; nothing if

@@ -366,7 +366,7 @@ absl::StatusOr<MergeReport> ShardMerge::Run(const std::vector<std::string>& path
   RETURN_IF_ERROR(merge.OpenShards(paths));
   const std::string part = target + ".part";
   if (std::filesystem::exists(part)) {
-    RETURN_IF_ERROR(WriterLock::Take(part).status());  // nobody is at it
+    RETURN_IF_ERROR(WriterLock::Take(part).status());  // no other merge is writing it
     RemoveDatabase(part);
   }
   {

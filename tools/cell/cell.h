@@ -37,8 +37,8 @@ struct RobotSettings {
   double payload_radius = 0;
   // How robot images are drawn; nothing: they are captured.
   std::optional<PartSettings> drawn;
-  // Of drawn images: so many joints, the first, have steps in the grid; the others one value that
-  // stands for any. 0: all have steps.
+  // Of drawn images: the number of joints, from the first on, that have steps in the grid. Each of
+  // the others has one value that stands for any. 0: all have steps.
   int arm_joints = 0;
 };
 

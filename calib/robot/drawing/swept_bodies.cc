@@ -23,8 +23,8 @@ using Meridian = std::vector<Vector2d>;
 // By which what stands for an arc may be beyond it: metres, and of its radius.
 constexpr double kArcExcess = 0.001;
 constexpr double kArcShare = 0.005;
-// Of joints that turn and stand beyond another, so many are followed through their values: in up to
-// 32 parts each, at 0.005. Those at the tip are taken for whole turns before.
+// The greatest number of turning joints beyond the first whose ranges are cut into parts, up to 32
+// each. Further joints, those at the tip, count as whole turns: a larger body.
 constexpr size_t kMostFollowed = 2;
 // Beyond its range a joint is taken to move, radians or metres: what its limits tolerate, and more.
 constexpr double kBeyondLimit = 1e-5;
