@@ -20,6 +20,11 @@ absl::Status NoClearances(const std::string& address) {
                    " reports no clearances; use a silhouette-server of this version"));
 }
 
+absl::Status NoSeparation(const std::string& address) {
+  return absl::UnimplementedError(absl::StrCat(
+      "the server at ", address, " knows no separation; use a silhouette-server of this version"));
+}
+
 absl::Status NoVariants(const std::string& address) {
   return absl::UnimplementedError(absl::StrCat("the server at ", address,
                                                " knows no variants; use a "
@@ -68,12 +73,49 @@ v1::CheckConfigurationsRequest QuestionOf(std::span<const Configuration> configu
   return request;
 }
 
+namespace {
+
+void Write(const SeparationPolicy& policy, v1::SeparationPolicy& message) {
+  if (policy.human_speed) message.set_human_speed(*policy.human_speed);
+  if (policy.near_human_speed) message.set_near_human_speed(*policy.near_human_speed);
+  if (policy.reaction_time) message.set_reaction_time(*policy.reaction_time);
+  if (policy.intrusion) message.set_intrusion(*policy.intrusion);
+  if (policy.uncertainty) message.set_uncertainty(*policy.uncertainty);
+  if (policy.horizon) message.set_horizon(*policy.horizon);
+  for (const SpeedLevel& level : policy.levels) {
+    v1::SpeedLevel& added = *message.add_levels();
+    added.set_name(level.name);
+    added.set_speed(level.speed);
+    added.set_stopping_time(level.stopping_time);
+    added.set_stopping_distance(level.stopping_distance);
+  }
+}
+
+Separation SeparationFrom(const v1::Separation& message,
+                          std::chrono::steady_clock::time_point asked) {
+  return {.level = message.level(),
+          .level_name = message.level_name(),
+          .distance = message.distance(),
+          .segment = message.nearest().segment(),
+          .fraction = message.nearest().fraction(),
+          .leads_away = message.leads_away(),
+          .protective_distances = {message.protective_distances().begin(),
+                                   message.protective_distances().end()},
+          .image_age = absl::Seconds(message.image_age()),
+          .unknown_reason = FromMessage(message.unknown_reason()),
+          .valid_until = asked + absl::ToChronoNanoseconds(FromMessage(message.valid_for()))};
+}
+
+}  // namespace
+
 v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
-                                Clearance clearance) {
+                                Clearance clearance,
+                                const std::optional<SeparationPolicy>& separation) {
   v1::CheckPathRequest request;
   for (const Configuration& q : waypoints) *request.add_waypoints() = ToMessage(q);
   *request.mutable_policy() = ToMessage(policy);
   request.set_include_clearance(clearance == Clearance::kMeasure);
+  if (separation) Write(*separation, *request.mutable_separation());
   return request;
 }
 
@@ -150,6 +192,7 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
     check.proof = ProofFrom(response.proof());
     check.sampled_step = response.sampled_step();
   }
+  if (response.has_separation()) check.separation = SeparationFrom(response.separation(), asked);
   if (clearance == Clearance::kOmit) return check;
   const absl::Status measured = RequireClearance(check.verdict, address);
   if (!measured.ok()) return measured;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -17,7 +18,8 @@ v1::CheckConfigurationsRequest QuestionOf(std::span<const Configuration> configu
                                           const Policy& policy, Evidence evidence,
                                           Clearance clearance);
 v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
-                                Clearance clearance);
+                                Clearance clearance,
+                                const std::optional<SeparationPolicy>& separation = std::nullopt);
 
 // `address`: of the server, for errors; `asked`: when the question was sent. Internal if the answer
 // does not fit the question, Unimplemented if it lacks clearances.
@@ -39,6 +41,9 @@ absl::Status NoVariants(const std::string& address);
 // NoVariants if the answer does not use the requested variant; an empty one fits any.
 absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
                             const std::string& address);
+
+// A separation was requested and the server reports none: it is older than this library.
+absl::Status NoSeparation(const std::string& address);
 
 // Clearances were requested and the server reports none: it is older than this library.
 absl::Status NoClearances(const std::string& address);

@@ -147,17 +147,18 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   return NumbersFrom(*response, numbers.size(), asked, address());
 }
 
-absl::StatusOr<PathCheck> Client::CheckPath(std::span<const Configuration> waypoints,
-                                            const Policy& policy, Clearance clearance,
-                                            std::optional<double> resolution) const {
+absl::StatusOr<PathCheck> Client::CheckPath(
+    std::span<const Configuration> waypoints, const Policy& policy, Clearance clearance,
+    std::optional<double> resolution, const std::optional<SeparationPolicy>& separation) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
+  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
   request.set_variant(variant_);
   if (resolution) request.set_path_resolution(*resolution);
   const SteadyClock::time_point asked = SteadyClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
+  if (separation && !response->has_separation()) return NoSeparation(address());
   return AnswerFrom(*response, clearance, asked, address());
 }
 

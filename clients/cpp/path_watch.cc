@@ -86,6 +86,9 @@ class PathWatch::Impl {
     if (!of_variant.ok()) return of_variant;
     const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt(basis, received);
     if (!made.ok()) return made.status();
+    if (request_.has_separation() && !response.check().has_separation()) {
+      return NoSeparation(connection_->address());
+    }
     absl::StatusOr<PathCheck> check =
         AnswerFrom(response.check(), clearance_, *made, connection_->address());
     if (!check.ok()) return check.status();
@@ -135,10 +138,11 @@ PathWatch& PathWatch::operator=(PathWatch&&) noexcept = default;
 absl::StatusOr<PathUpdate> PathWatch::Next(absl::Duration timeout) { return impl_->Next(timeout); }
 void PathWatch::Cancel() { impl_->Cancel(); }
 
-absl::StatusOr<PathWatch> Client::WatchPath(std::span<const Configuration> waypoints,
-                                            const Policy& policy, Clearance clearance) const {
+absl::StatusOr<PathWatch> Client::WatchPath(
+    std::span<const Configuration> waypoints, const Policy& policy, Clearance clearance,
+    const std::optional<SeparationPolicy>& separation) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance);
+  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
   request.set_variant(variant_);
   return PathWatch(
       std::make_unique<PathWatch::Impl>(connection_, timeout_, std::move(request), clearance));

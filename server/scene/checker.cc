@@ -174,6 +174,22 @@ std::optional<ClearanceMeter> Checker::Clearances() const {
                         DistancesFor(served_, support));
 }
 
+std::optional<PathDistance> Checker::Distance(std::span<const Configuration> waypoints,
+                                              std::optional<double> horizon,
+                                              const Stop& stop) const {
+  if (blocked_ != Reason::kNone || !test_) return std::nullopt;
+  const SeparationBasis& basis = *served_.database->separation();
+  const Scene& scene = *served_.scene;
+  const SpaceDistances& space = scene.separation.Get([&] {
+    const int occluded = MaxOccludedViews(policy_, served_.database->views());
+    const std::vector<std::optional<Mask>> allowed = AllowedPixels(served_);
+    const PossibleSpace& near = scene.possible_space.Get(
+        served_.database->sound(), scene.obstacle_images, scene.joints, allowed, occluded);
+    return basis.DistancesIn(near, scene.obstacle_images, scene.joints, allowed, occluded);
+  });
+  return SeparationMeter(basis.robot(), space).Along(waypoints, horizon, stop);
+}
+
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
   return test_ ? test_->TestRobotImage(view, q) : std::nullopt;
 }

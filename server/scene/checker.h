@@ -50,6 +50,13 @@ class Checker {
   // this, which must stay where it is.
   std::optional<ClearanceMeter> Clearances() const;
 
+  // The least distance along a path, in space, to what may hold somebody; as
+  // SeparationMeter::Along. Nothing where all verdicts are unknown, or `stop` says so, or the path
+  // has a value that is not finite. The database must serve distances (ServedDatabase::separation).
+  std::optional<PathDistance> Distance(std::span<const Configuration> waypoints,
+                                       std::optional<double> horizon,
+                                       const Stop& stop = nullptr) const;
+
   // The test robot image of `q`; nothing if there is no scene, or a robot image that it takes is
   // not there.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;

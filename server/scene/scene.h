@@ -15,6 +15,7 @@
 #include "db/store/schema.h"
 #include "server/collision/clearance.h"
 #include "server/collision/collision_checker.h"
+#include "server/collision/space_distances.h"
 #include "server/collision/verdict.h"
 #include "server/scene/allowed_regions.h"
 #include "server/scene/clock.h"
@@ -76,6 +77,8 @@ struct Scene {
   // The same: the pixels that show obstacles, for a robot that is drawn.
   MadeOnce<DrawnChecker> drawn;
   ScenePossibleSpace possible_space;
+  // The distances from what may hold somebody (SeparationBasis::DistancesIn).
+  MadeOnce<SpaceDistances> separation;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;
 

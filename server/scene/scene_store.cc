@@ -187,6 +187,16 @@ uint64_t SceneStore::WaitForChange(uint64_t seen, std::chrono::milliseconds long
   return changes_;
 }
 
+absl::Duration SceneStore::LongestGap() const {
+  const std::lock_guard lock(mutex_);
+  if (scenes_.size() < 2) return absl::InfiniteDuration();
+  absl::Duration longest;
+  for (size_t i = 1; i < scenes_.size(); ++i) {
+    longest = std::max(longest, scenes_[i]->oldest.running - scenes_[i - 1]->oldest.running);
+  }
+  return longest;
+}
+
 SharedScene SceneStore::Find(uint64_t id) const {
   const std::lock_guard lock(mutex_);
   if (scenes_.empty()) return nullptr;

@@ -109,6 +109,10 @@ class SceneStore {
   // over is another question: BlockedReason.)
   bool Revoked(const RegionSet& regions) const;
 
+  // The longest that a scene was the newest, of those that are kept: between its oldest image and
+  // that of the next. Infinite while there are fewer than two.
+  absl::Duration LongestGap() const;
+
   // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.
   SharedScene Find(uint64_t id) const;
 

@@ -273,10 +273,16 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
   }
   ASSIGN_OR_RETURN(RobotImageTable robot_images, std::move(loaded));
   std::shared_ptr<const SoundBasis> sound_basis;
+  std::shared_ptr<const SeparationBasis> separation;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
     ASSIGN_OR_RETURN(auto made, SoundBasis::Make(*sound, database.cell(), robot_images,
                                                  *common.calibration, settings.margin));
     sound_basis = std::move(made);
+  }
+  if (sound_basis != nullptr && sound->separation) {
+    ASSIGN_OR_RETURN(separation,
+                     SeparationBasis::Make(*sound, sound_basis, database.cell(), robot_images,
+                                           *common.calibration, settings.margin));
   }
   std::shared_ptr<const CollisionIndex> index;
   std::string index_unused;
@@ -292,6 +298,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
                          std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
   served->unverified_ = std::move(unverified);
   served->index_unused_ = std::move(index_unused);
+  served->separation_ = std::move(separation);
   return served;
 }
 

@@ -29,6 +29,7 @@
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
 #include "server/scene/scene_settings.h"
+#include "server/scene/separation_basis.h"
 #include "server/scene/sound_basis.h"
 #include "server/scene/view_treatment.h"
 
@@ -174,6 +175,9 @@ class ServedDatabase {
 
   // What the sound presets rest on; null where they cannot be served.
   const std::shared_ptr<const SoundBasis>& sound() const { return sound_; }
+  // What distances to people rest on; null where they are not served: the cell has no section
+  // 'separation', or no sound presets.
+  const SeparationBasis* separation() const { return separation_.get(); }
 
   // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
   absl::Status CanServe(const Policy& policy) const;
@@ -234,6 +238,7 @@ class ServedDatabase {
   std::shared_ptr<const EpipolarBands> bands_;
   ViewTreatments treatments_;
   std::shared_ptr<const SoundBasis> sound_;
+  std::shared_ptr<const SeparationBasis> separation_;
 };
 
 }  // namespace silhouette

@@ -39,20 +39,6 @@ struct CoveredPixels {
   Mask every;
 };
 
-// `margin` and `rim`: mask pixels and camera pixels.
-VoxelView ViewOf(const storage::v1::View& view, const CameraModel& camera, double margin,
-                 double rim, const CoveredPixels& covered) {
-  const MaskSize size = covered.any.size();
-  const Eigen::Vector2d camera_pixel(double(size.width) / view.image_width(),
-                                     double(size.height) / view.image_height());
-  return {.mask_size = size,
-          .project = [model = camera.ScaledTo(size.width, size.height)](
-                         const Eigen::Vector3d& point) { return model.Project(point); },
-          .margin = Eigen::Vector2d::Constant(margin) + rim * camera_pixel,
-          .swept = covered.any,
-          .permanent = covered.every};
-}
-
 absl::Status CheckCell(const SoundCell& sound) {
   const SoundSettings& settings = sound.settings;
   // As far as the model goes, such a robot would touch nothing.
@@ -79,6 +65,25 @@ absl::Status CheckCell(const SoundCell& sound) {
 
 }  // namespace
 
+std::vector<VoxelView> ViewsOfSpace(const storage::v1::CellDescription& cell,
+                                    const RobotImageTable& robot_images,
+                                    const Calibration& calibration, double margin) {
+  // Without segmentation settings the masks were made elsewhere, and show all that they touch.
+  const double rim = cell.segmentation().empty() ? 0 : kRim;
+  std::vector<VoxelView> views;
+  for (int view = 0; view < robot_images.views(); ++view) {
+    const MaskSize size = robot_images.mask_sizes()[static_cast<size_t>(view)];
+    const Eigen::Vector2d camera_pixel(double(size.width) / cell.views(view).image_width(),
+                                       double(size.height) / cell.views(view).image_height());
+    views.push_back({.mask_size = size,
+                     .project = [model = calibration.cameras.at(static_cast<size_t>(view))
+                                             .ScaledTo(size.width, size.height)](
+                                    const Eigen::Vector3d& point) { return model.Project(point); },
+                     .margin = Eigen::Vector2d::Constant(margin) + rim * camera_pixel});
+  }
+  return views;
+}
+
 SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
                        const RobotImageTable& robot_images, std::vector<VoxelView> views)
     : robot_(sound.robot),
@@ -104,18 +109,17 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
   RETURN_IF_ERROR(CheckCell(sound));
   try {
-    // Without segmentation settings the masks were made elsewhere, and show all that they touch.
-    const double rim = cell.segmentation().empty() ? 0 : kRim;
-    std::vector<VoxelView> views;
+    std::vector<VoxelView> views = ViewsOfSpace(cell, robot_images, calibration, margin);
     std::vector<CameraModel> cameras;
     double most_margin = 0;
     for (int view = 0; view < robot_images.views(); ++view) {
-      const CameraModel& camera = calibration.cameras.at(static_cast<size_t>(view));
-      views.push_back(
-          ViewOf(cell.views(view), camera, margin, rim, CoveredPixels(robot_images, view)));
-      const MaskSize size = views.back().mask_size;
-      cameras.push_back(camera.ScaledTo(size.width, size.height));
-      most_margin = std::max(most_margin, views.back().margin.maxCoeff());
+      VoxelView& seen = views[static_cast<size_t>(view)];
+      CoveredPixels covered(robot_images, view);
+      seen.swept = std::move(covered.any);
+      seen.permanent = std::move(covered.every);
+      cameras.push_back(calibration.cameras[static_cast<size_t>(view)].ScaledTo(
+          seen.mask_size.width, seen.mask_size.height));
+      most_margin = std::max(most_margin, seen.margin.maxCoeff());
     }
     const std::shared_ptr<SoundBasis> basis(
         new SoundBasis(sound, cell, robot_images, std::move(views)));
@@ -143,11 +147,12 @@ std::optional<std::vector<double>> SoundBasis::Positions(
   return positions;
 }
 
-RobotVoxels SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
+RobotVoxels SoundBasis::RobotAt(const VoxelSpace& space,
+                                std::span<const JointPosition> joints) const {
   const std::optional<std::vector<double>> positions = Positions(joints);
   if (!positions) return {};
   const PosedBody body = body_.At(*positions);
-  return VoxelsOfRobot(space_, [&body, hint = size_t{0}](const Eigen::Vector3d& point) mutable {
+  return VoxelsOfRobot(space, [&body, hint = size_t{0}](const Eigen::Vector3d& point) mutable {
     return body.AtMost(point, hint);
   });
 }
@@ -296,7 +301,7 @@ const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBa
     entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis, max_occluded_views);
   }
   return entry->space.Get([&] {
-    return PossibleSpace(basis->space(), images, basis->RobotAt(joints), allowed,
+    return PossibleSpace(basis->space(), images, basis->RobotAt(basis->space(), joints), allowed,
                          max_occluded_views);
   });
 }

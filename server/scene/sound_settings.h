@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the sound presets know of a cell (docs/verdict-quality.md).
+// What the sound presets, and speed and separation, know of a cell (docs/verdict-quality.md).
 #pragma once
 
 #include <Eigen/Geometry>
@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "calib/robot/robot_model.h"
+#include "server/collision/separation.h"
 
 namespace silhouette {
 
@@ -27,6 +28,19 @@ struct SoundSettings {
   bool whole_model = false;
 };
 
+// Speed and separation, in the same cell. Lengths in metres.
+struct SeparationCell {
+  SeparationSettings settings;
+  // Where people may be, in the robot's base frame; the workspace besides. Nothing: as far about
+  // the workspace as distances count.
+  std::optional<Eigen::AlignedBox3d> zone{};
+  // Of its voxels; nothing: as fine as SeparationBasis::kVoxelsByDefault permit, a sixth to a
+  // third of the least obstacle.
+  std::optional<double> voxel_edge;
+  // Whether nobody can be where no view looks.
+  bool unseen_is_empty = false;
+};
+
 struct SoundCell {
   SoundSettings settings;
   // A box that the robot never leaves, in its base frame, metres.
@@ -34,6 +48,7 @@ struct SoundCell {
   // How far tool and payload reach beyond the model's last link, metres.
   double payload_radius = 0;
   std::shared_ptr<const RobotModel> robot;
+  std::optional<SeparationCell> separation = std::nullopt;  // nothing: distances are not served
 
   // The finer the voxels, the less they block beside the robot. So they are an eighth of the least
   // obstacle; coarser where there would be more than kVoxelsByDefault, but at most a third.

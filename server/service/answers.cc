@@ -21,6 +21,7 @@
 #include "server/collision/obstacle_image.h"
 #include "server/service/defects.h"
 #include "server/service/messages.h"
+#include "server/service/separation.h"
 #include "server/service/space_writer.h"
 
 namespace silhouette {
@@ -279,6 +280,11 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
   if (path.stopped) {
     if (checks <= most) return absl::CancelledError();
     return TooManyChecks(most, path, database.robot_images().drawn() != nullptr);
+  }
+  if (request.has_separation()) {
+    RETURN_IF_ERROR(AnswerSeparation(
+        serving, checker, waypoints, request.separation(), [&] { return Stopped(cancelled); },
+        response->mutable_separation()));
   }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);

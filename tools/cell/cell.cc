@@ -51,6 +51,7 @@ Cell ReadCell(const std::string& path) {
   const auto policy_node = map.Optional("policy");
   const auto calibration_node = map.Optional("calibration");
   const auto sound_node = map.Optional("sound");
+  const auto separation_node = map.Optional("separation");
   const auto server_node = map.Optional("server");
   map.Finish();
 
@@ -72,6 +73,7 @@ Cell ReadCell(const std::string& path) {
       .choose_preset = true,
       .calibration = {},
       .sound = std::nullopt,
+      .separation = std::nullopt,
       .server = {}};
   if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
   if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
@@ -85,6 +87,11 @@ Cell ReadCell(const std::string& path) {
   if (sound_node) {
     if (cell.robot.urdf.empty()) sound_node->Fail("it needs the robot's model; state robot: urdf");
     cell.sound = ReadSound(*sound_node);
+  }
+  if (separation_node) {
+    if (!cell.sound)
+      separation_node->Fail("it needs the section 'sound': state its least_obstacle");
+    cell.separation = ReadSeparation(*separation_node);
   }
   if (server_node) cell.server = ReadServer(*server_node, folder);
   CheckTolerances(cell, capture_node ? capture_node : server_node);
@@ -146,7 +153,8 @@ absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
   ASSIGN_OR_RETURN(RobotModel robot,
                    RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   return std::optional<SoundCell>({*cell.sound, workspace, cell.robot.payload_radius,
-                                   std::make_shared<const RobotModel>(std::move(robot))});
+                                   std::make_shared<const RobotModel>(std::move(robot)),
+                                   cell.separation});
 }
 
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {

@@ -94,7 +94,8 @@ struct Cell {
   Policy policy;
   bool choose_preset = true;  // `policy` names no preset: the best that the database can serve
   CalibrationSettings calibration;
-  std::optional<SoundSettings> sound;  // nothing: the sound presets are not served
+  std::optional<SoundSettings> sound;        // nothing: the sound presets are not served
+  std::optional<SeparationCell> separation;  // only with `sound`
   ServerSettings server;
 };
 

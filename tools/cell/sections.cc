@@ -25,6 +25,17 @@ int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) 
   return value;
 }
 
+SpeedLevel ReadSpeedLevel(const YamlNode& node) {
+  YamlMap map(node);
+  SpeedLevel level;
+  level.name = map.Required("name").As<std::string>();
+  level.speed = map.Required("speed").AsPositive();
+  level.stopping_time = absl::ToDoubleSeconds(map.Required("stopping_time").AsTime());
+  level.stopping_distance = map.Required("stopping_distance").AsNotNegative();
+  map.Finish();
+  return level;
+}
+
 ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid) {
   YamlMap map(node);
   ForbiddenRegion region;
@@ -235,6 +246,33 @@ SoundSettings ReadSound(const YamlNode& node) {
   settings.whole_model = map.Get<bool>("whole_model", settings.whole_model);
   map.Finish();
   return settings;
+}
+
+SeparationCell ReadSeparation(const YamlNode& node) {
+  YamlMap map(node);
+  SeparationCell cell;
+  SeparationSettings& settings = cell.settings;
+  map.Read("human_speed", settings.human_speed, &YamlNode::AsPositive);
+  map.Read("near_human_speed", settings.near_human_speed, &YamlNode::AsPositive);
+  map.Read("reaction_time", settings.reaction_time,
+           [](const YamlNode& time) { return absl::ToDoubleSeconds(time.AsTime()); });
+  map.Read("intrusion", settings.intrusion, &YamlNode::AsNotNegative);
+  map.Read("uncertainty", settings.uncertainty, &YamlNode::AsNotNegative);
+  for (const YamlNode& level : map.Required("levels").Items()) {
+    settings.levels.push_back(ReadSpeedLevel(level));
+  }
+  if (const auto zone = map.Optional("zone")) cell.zone = ReadWorkspace(*zone);
+  if (const auto edge = map.Optional("voxel_edge")) cell.voxel_edge = edge->AsPositive();
+  map.Read("unseen", cell.unseen_is_empty, [](const YamlNode& unseen) {
+    return unseen.AsWordOf({"possible", "empty"}) == 1;
+  });
+  map.Finish();
+  try {
+    RequireValid(settings);
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+  return cell;
 }
 
 ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder) {

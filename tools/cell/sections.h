@@ -56,6 +56,7 @@ PolicySettings ReadPolicy(const YamlNode& node, int views);
 CalibrationSettings ReadCalibration(const YamlNode& node);
 BodyGeometry ReadGeometry(const YamlNode& node);
 SoundSettings ReadSound(const YamlNode& node);
+SeparationCell ReadSeparation(const YamlNode& node);
 ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder);
 
 }  // namespace silhouette

@@ -299,6 +299,26 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
   }
 }
 
+// Of a cell that states the section 'separation'.
+void LogSeparation(const ServedDatabase& database, const Cell& cell) {
+  const SeparationBasis* basis = database.separation();
+  if (basis == nullptr) {
+    spdlog::warn(
+        "distances to people are not served: they need camera models in the database; import a "
+        "calibration with 'silhouette-db calibration import'");
+    return;
+  }
+  spdlog::info("distances to people: up to {:.2f} m, in voxels of {:.3f} m", basis->range(),
+               basis->grid().edge());
+  if (basis->unseen_share() < 0.001) return;
+  spdlog::warn("no view sees {:.1f} % of the zone for people, which counts as {}",
+               100 * basis->unseen_share(),
+               cell.separation->unseen_is_empty
+                   ? "empty: nobody must come there"
+                   : "possibly somebody: state a smaller 'separation: zone', or 'unseen: empty' if "
+                     "nobody can be there");
+}
+
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
@@ -334,6 +354,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   LogRobotImages(**served, path, load);
   if (load.drawn) LogDrawn(**served, *load.drawn->robot);
   if (sound) LogSound(**served, cell);
+  if (cell.separation) LogSeparation(**served, cell);
   Policy policy = cell.policy;
   if (cell.choose_preset) policy.preset = (*served)->BestPreset();
   if ((*served)->CanServe(policy).ok()) {

@@ -259,8 +259,9 @@ struct CheckPathArguments {
 absl::StatusOr<ExitCode> CheckPath(const Session& session, const CheckPathArguments& arguments) {
   ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
-  ASSIGN_OR_RETURN(const auto check, client.CheckPath(waypoints, session.policy, session.clearance,
-                                                      arguments.resolution));
+  ASSIGN_OR_RETURN(const auto check,
+                   client.CheckPath(waypoints, session.policy, session.clearance,
+                                    arguments.resolution, SeparationOf(arguments.path)));
   PrintResult(session.format, JsonOf(check, session.clearance), TextOf(check));
   return check.verdict.free() ? kDone : kNo;
 }
@@ -317,6 +318,7 @@ void AddPathCommand(CLI::App& program, Session& session) {
   auto arguments = std::make_shared<CheckPathArguments>();
   AddPathArguments(*command, session, arguments->path);
   AddResolutionOption(*command, arguments->resolution);
+  AddSeparationOptions(*command, arguments->path);
   AddClearanceFlag(*command, session);
   AddVerdictOptions(*command, session);
   command->footer(
@@ -325,6 +327,7 @@ void AddPathCommand(CLI::App& program, Session& session) {
       "Example:\n"
       "  silhouette path 0.1,0.2 0.5,0.2 0.5,-30deg\n"
       "  silhouette path --file path.json --clearance\n"
+      "  silhouette path --file path.json --separation --horizon 0.5\n"
       "  silhouette path 0,0,0,0,0,0 0.5,0,0,0,0,0 --resolution 0.001");
   Runs(*command, session, CheckPath, arguments);
 }

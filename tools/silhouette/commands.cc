@@ -82,6 +82,25 @@ void AddPathArguments(CLI::App& command, Session& session, PathArguments& argume
   AddDegreesFlag(command, session);
 }
 
+void AddSeparationOptions(CLI::App& command, PathArguments& arguments) {
+  CLI::Option* separation = command.add_flag(
+      "--separation", arguments.separation,
+      "Also report how far people are, and how fast the robot may follow the path so that it "
+      "stands before it touches one, by the cell file's section 'separation'");
+  command
+      .add_option(
+          "--horizon", arguments.horizon,
+          "With --separation: only the beginning of the path, until some point of the robot "
+          "has moved so many metres")
+      ->needs(separation)
+      ->check(CLI::NonNegativeNumber);
+}
+
+std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments) {
+  if (!arguments.separation) return std::nullopt;
+  return client::SeparationPolicy{.horizon = arguments.horizon};
+}
+
 absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Session& session,
                                                        const PathArguments& arguments) {
   if (arguments.waypoints.empty() == arguments.file.empty()) {

@@ -51,8 +51,14 @@ void AddResolutionOption(CLI::App& command, std::optional<double>& resolution);
 struct PathArguments {
   std::vector<std::string> waypoints;
   std::string file;
+  bool separation = false;
+  std::optional<double> horizon;  // metres
 };
 void AddPathArguments(CLI::App& command, Session& session, PathArguments& arguments);
+// --separation and --horizon.
+void AddSeparationOptions(CLI::App& command, PathArguments& arguments);
+// Nothing if it is not asked for.
+std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments);
 // InvalidArgument if there is none, or both.
 absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Session& session,
                                                        const PathArguments& arguments);

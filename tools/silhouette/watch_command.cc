@@ -127,8 +127,11 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
 
 // One call, until it ends: why it ended, OK if nothing more is wanted.
 absl::Status WatchPathOnce(const Session& session, const Client& client,
-                           const std::vector<Configuration>& waypoints, Lines& lines) {
-  ASSIGN_OR_RETURN(auto watch, client.WatchPath(waypoints, session.policy, session.clearance));
+                           const std::vector<Configuration>& waypoints,
+                           const std::optional<client::SeparationPolicy>& separation,
+                           Lines& lines) {
+  ASSIGN_OR_RETURN(auto watch,
+                   client.WatchPath(waypoints, session.policy, session.clearance, separation));
   std::optional<client::PathUpdate> relied_on;  // the last one, as long as it is free
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
@@ -162,7 +165,8 @@ absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
                                    const WatchArguments& arguments, Lines& lines) {
   ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
   while (!lines.End()) {
-    const absl::Status ended = WatchPathOnce(session, client, waypoints, lines);
+    const absl::Status ended =
+        WatchPathOnce(session, client, waypoints, SeparationOf(arguments.path), lines);
     if (ended.ok()) break;
     if (IsHopeless(ended) || arguments.no_retry) return ended;
     const client::Verdict lost{.reason = client::Reason::kConnectionLost};
@@ -192,6 +196,7 @@ void AddWatchCommand(CLI::App& program, Session& session) {
       "watch", "Report the configuration space, or a path, with every scene");
   auto arguments = std::make_shared<WatchArguments>();
   AddPathArguments(*command, session, arguments->path);
+  AddSeparationOptions(*command, arguments->path);
   command
       ->add_option("--max-age", arguments->max_age,
                    "How old a scene may be until all is unknown, e.g. 300ms; not for a path")

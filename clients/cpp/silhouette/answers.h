@@ -10,6 +10,7 @@
 
 #include "absl/time/time.h"
 #include "silhouette/configuration_grid.h"
+#include "silhouette/separation.h"
 #include "silhouette/verdict.h"
 
 namespace silhouette::client {
@@ -108,6 +109,8 @@ struct PathCheck {
   PathProof proof = PathProof::kNone;
   // With kSampled: how far any point of the robot moves at most between two places, metres.
   double sampled_step = 0;
+  // If requested. It says nothing of the verdict, nor that of it.
+  std::optional<Separation> separation = std::nullopt;
 };
 
 // PNG images, one pixel per mask pixel.

@@ -93,16 +93,18 @@ class Client {
   // The first place on a path that is not free. Between waypoints (at least one) joint values are
   // interpolated linearly, without wrapping. `resolution`: of a robot whose images are drawn,
   // metres, 0.0005 to 0.1: parts of the path on which no point of the robot moves farther are
-  // sampled where they cannot be proven free; unset: 0.005.
-  absl::StatusOr<PathCheck> CheckPath(std::span<const Configuration> waypoints,
-                                      const Policy& policy = {},
-                                      Clearance clearance = Clearance::kOmit,
-                                      std::optional<double> resolution = {}) const;
+  // sampled where they cannot be proven free; unset: 0.005. `separation`: if set, the answer tells
+  // how fast the robot may follow the path; FailedPrecondition: the server knows no distances.
+  absl::StatusOr<PathCheck> CheckPath(
+      std::span<const Configuration> waypoints, const Policy& policy = {},
+      Clearance clearance = Clearance::kOmit, std::optional<double> resolution = {},
+      const std::optional<SeparationPolicy>& separation = std::nullopt) const;
 
   // The same, answered again with every scene; needs a server that can.
-  absl::StatusOr<PathWatch> WatchPath(std::span<const Configuration> waypoints,
-                                      const Policy& policy = {},
-                                      Clearance clearance = Clearance::kOmit) const;
+  absl::StatusOr<PathWatch> WatchPath(
+      std::span<const Configuration> waypoints, const Policy& policy = {},
+      Clearance clearance = Clearance::kOmit,
+      const std::optional<SeparationPolicy>& separation = std::nullopt) const;
 
   // Checks over one call, without waiting for each answer; needs a server that can.
   CheckStream StreamChecks() const;

@@ -235,16 +235,48 @@ std::string SpokenProof(const client::PathCheck& check) {
   }
 }
 
+std::string SpokenSeparation(const client::PathCheck& check) {
+  if (!check.separation) return "";
+  const client::Separation& separation = *check.separation;
+  if (separation.unknown_reason != client::Reason::kUnspecified) {
+    return absl::StrCat("; stop: ", silhouette::Spoken(separation.unknown_reason, check.basis));
+  }
+  const std::string where = absl::StrFormat(
+      "people are %.2f m away or more, least at %.0f %% of the way from waypoint %d",
+      separation.distance, 100 * separation.fraction, separation.segment);
+  const std::vector<double>& kept = separation.protective_distances;
+  if (separation.level == 0) {
+    return absl::StrFormat("; stop: %s, and the slowest level keeps %.2f m%s", where,
+                           kept.empty() ? 0 : kept.front(),
+                           separation.leads_away ? "; the path leads away" : "");
+  }
+  return absl::StrFormat("; speed level %d '%s': %s", separation.level, separation.level_name,
+                         where);
+}
+
+Json JsonOf(const client::Separation& separation) {
+  const bool known = separation.unknown_reason == client::Reason::kUnspecified;
+  return {{"level", separation.level},
+          {"level_name", separation.level_name.empty() ? Json() : Json(separation.level_name)},
+          {"unknown_reason", known ? Json() : Json(NameOf(separation.unknown_reason))},
+          {"distance_m", known ? Json(separation.distance) : Json()},
+          {"segment", separation.segment},
+          {"fraction", separation.fraction},
+          {"leads_away", separation.leads_away},
+          {"protective_distances_m", separation.protective_distances},
+          {"image_age_s", known ? Json(absl::ToDoubleSeconds(separation.image_age)) : Json()}};
+}
+
 }  // namespace
 
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
     return absl::StrCat(Spoken(check.verdict, check.basis), ": ", check.checked, " places checked",
-                        SpokenProof(check));
+                        SpokenProof(check), SpokenSeparation(check));
   }
   return absl::StrCat("not free at ",
                       SpokenPlace(check.configuration, check.fraction, check.segment), ": ",
-                      Spoken(check.verdict, check.basis));
+                      Spoken(check.verdict, check.basis), SpokenSeparation(check));
 }
 
 Json JsonOf(const client::Verdict& verdict, client::Clearance clearance) {
@@ -296,6 +328,7 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
     json["fraction"] = check.fraction;
     json["configuration"] = check.configuration;
   }
+  if (check.separation) json["separation"] = JsonOf(*check.separation);
   if (check.narrowest) {
     json["narrowest"] = {{"segment", check.narrowest->segment},
                          {"fraction", check.narrowest->fraction},

@@ -38,7 +38,7 @@ Json JsonOf(const client::Verdict& verdict, client::Clearance clearance = client
 Json JsonOf(const client::Basis& basis);
 
 // The basis, the verdict, "checked", where it is not free, or narrowest; "proof" if it is free, and
-// "sampled_step_m" where it is sampled.
+// "sampled_step_m" where it is sampled; "separation" if it was asked for.
 Json JsonOf(const client::PathCheck& check, client::Clearance clearance);
 
 // {"variant", "changing", "unknown", "last_scene_before"}; null where the variant, or why it is

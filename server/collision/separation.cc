@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/collision/separation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <stdexcept>
+
+namespace silhouette {
+namespace {
+
+void RequireNotNegative(double value, const std::string& name) {
+  if (!(value >= 0 && std::isfinite(value))) {
+    throw std::invalid_argument(name + " must not be negative, and be finite");
+  }
+}
+
+}  // namespace
+
+void RequireValid(const SeparationSettings& settings) {
+  RequireNotNegative(settings.human_speed, "human_speed");
+  RequireNotNegative(settings.near_human_speed, "near_human_speed");
+  RequireNotNegative(settings.reaction_time, "reaction_time");
+  RequireNotNegative(settings.intrusion, "intrusion");
+  RequireNotNegative(settings.uncertainty, "uncertainty");
+  if (settings.levels.empty()) throw std::invalid_argument("levels: at least one is needed");
+  std::set<std::string> names;
+  double slower = 0;
+  for (const SpeedLevel& level : settings.levels) {
+    if (level.name.empty() || !names.insert(level.name).second) {
+      throw std::invalid_argument("levels: each needs a name of its own");
+    }
+    RequireNotNegative(level.speed, "levels: speed");
+    RequireNotNegative(level.stopping_time, "levels: stopping_time");
+    RequireNotNegative(level.stopping_distance, "levels: stopping_distance");
+    if (!(level.speed > slower)) {
+      throw std::invalid_argument("levels: they go from slow to fast, each with a positive speed");
+    }
+    slower = level.speed;
+  }
+}
+
+double ProtectiveDistance(const SeparationSettings& settings, const SpeedLevel& level,
+                          double image_to_reply) {
+  const double reaction = image_to_reply + settings.reaction_time;
+  const auto with = [&](double human_speed) {
+    return human_speed * (reaction + level.stopping_time) + level.speed * reaction +
+           level.stopping_distance + settings.intrusion + settings.uncertainty;
+  };
+  const double near = with(settings.near_human_speed);
+  return near <= kNear ? near : std::max(kNear, with(settings.human_speed));
+}
+
+size_t LevelsKept(std::span<const double> protective_distances, double distance) {
+  size_t kept = 0;
+  while (kept < protective_distances.size() && distance >= protective_distances[kept]) ++kept;
+  return kept;
+}
+
+void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
+  const size_t joints = waypoints.front().size();
+  std::vector<bool> changes(joints, waypoints.size() == 1);
+  for (size_t i = 1; i < waypoints.size(); ++i) {
+    for (size_t joint = 0; joint < joints; ++joint) {
+      if (waypoints[i][joint] != waypoints[i - 1][joint]) changes[joint] = true;
+    }
+  }
+  moves_.assign(robot_.parts().size(), false);
+  for (size_t part = 0; part < moves_.size(); ++part) {
+    for (size_t joint = 0; joint < joints; ++joint) {
+      if (changes[joint] && robot_.Lever(part, joint) > 0) moves_[part] = true;
+    }
+  }
+}
+
+double SeparationMeter::At(std::span<const double> q) {
+  const PartBalls& balls = robot_.balls();
+  robot_.chain().Pose(q, poses_);
+  balls.Place(poses_, {}, placed_);
+  double least = space_.range();
+  for (size_t ball = 0; ball < balls.balls(); ++ball) {
+    if (!moves_[balls.part(ball)]) continue;
+    const Eigen::Vector3d centre(placed_.x[ball], placed_.y[ball], placed_.z[ball]);
+    const double radius = double{balls.radius(ball)} + placed_.growth[ball] + placed_.slack;
+    least = std::min(least, space_.AtLeast(centre) - radius);
+    if (least <= 0) return 0;
+  }
+  return least;
+}
+
+double SeparationMeter::Movement(std::span<const double> from, std::span<const double> to) const {
+  double most = 0;
+  for (size_t part = 0; part < robot_.parts().size(); ++part) {
+    double way = 0;
+    for (size_t joint = 0; joint < from.size(); ++joint) {
+      way += robot_.Lever(part, joint) * std::abs(to[joint] - from[joint]);
+    }
+    most = std::max(most, way);
+  }
+  return most;
+}
+
+std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration> waypoints,
+                                                   std::optional<double> horizon,
+                                                   const Stop& stop) {
+  FindMoving(waypoints);
+  PathDistance path;
+  path.distance = path.at_start = At(waypoints.front());
+  double left = horizon.value_or(std::numeric_limits<double>::infinity());
+  Configuration q = waypoints.front();
+  for (size_t segment = 0; segment + 1 < waypoints.size() && left > 0; ++segment) {
+    const Configuration& from = waypoints[segment];
+    const Configuration& to = waypoints[segment + 1];
+    const double movement = Movement(from, to);
+    if (!std::isfinite(movement)) return std::nullopt;
+    const double end = movement > left ? left / movement : 1;
+    const double steps = std::max(1.0, std::ceil(end * movement / kStep));
+    const double slack = end * movement / steps / 2;
+    for (double step = 0; step <= steps && path.distance > 0; ++step) {
+      if (Stopped(stop)) return std::nullopt;
+      const double fraction = end * step / steps;
+      for (size_t joint = 0; joint < q.size(); ++joint) {
+        q[joint] = from[joint] + fraction * (to[joint] - from[joint]);
+      }
+      const double distance = std::max(0.0, At(q) - slack);
+      if (distance >= path.distance) continue;
+      path.distance = distance;
+      path.segment = static_cast<int>(segment);
+      path.fraction = fraction;
+    }
+    left -= movement;
+  }
+  return path;
+}
+
+}  // namespace silhouette

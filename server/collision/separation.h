@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// Speed and separation: how far a robot must stay from people to be able to stop before it touches
+// them (ISO/TS 15066:2016, 5.5.4; ISO 13855:2010, 6.2), and how fast it may move so.
+//
+// An aid for planning and for studying a cell, no certified safety function.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "calib/robot/drawing/drawn_robot.h"
+#include "db/mask/configuration_grid.h"
+#include "server/collision/space_distances.h"
+#include "server/collision/stop.h"
+
+namespace silhouette {
+
+// A speed at which the robot may be driven. Plain values.
+struct SpeedLevel {
+  std::string name;
+  // Fastest point of the robot, m/s.
+  double speed = 0;
+  // From the command to stop until it stands: s, and metres that its fastest point moves.
+  double stopping_time = 0;
+  double stopping_distance = 0;
+
+  bool operator==(const SpeedLevel&) const = default;
+};
+
+struct SeparationSettings {
+  // Of people who walk towards the robot, m/s.
+  double human_speed = 1.6;
+  // The same for arms and hands: where less than kNear is to be kept, m/s.
+  double near_human_speed = 2.0;
+  // From a reply until the robot begins to stop, s. What passes before, from the image to the
+  // reply, is measured.
+  double reaction_time = 0.1;
+  // C, metres: how far a part of the body may reach in before it is seen.
+  double intrusion = 0;
+  // Z, metres: errors of where people and robot are. Those of voxels, masks and calibration are
+  // counted already.
+  double uncertainty = 0;
+  // From slow to fast, at least one.
+  std::vector<SpeedLevel> levels;
+
+  bool operator==(const SeparationSettings&) const = default;
+};
+
+// Up to here people reach rather than walk, metres (ISO 13855).
+inline constexpr double kNear = 0.5;
+
+// Throws std::invalid_argument, with what is wrong, if a number is negative or not finite, there is
+// no level, or levels have no name, one name twice, no speed, or are not from slow to fast.
+void RequireValid(const SeparationSettings& settings);
+
+// The protective separation distance of a level, metres. `image_to_reply`: the oldest that what the
+// robot goes by may be when the next reply comes, s.
+double ProtectiveDistance(const SeparationSettings& settings, const SpeedLevel& level,
+                          double image_to_reply);
+
+// How many of `levels`, the slow ones first, keep their distance at `distance` metres: 0, the robot
+// must stop.
+size_t LevelsKept(std::span<const double> protective_distances, double distance);
+
+// The least distance along a path.
+struct PathDistance {
+  // Metres, at least, from the robot anywhere on the path to what may hold somebody; at most
+  // SpaceDistances::range().
+  double distance = 0;
+  // The place on the path with the least.
+  int segment = 0;
+  double fraction = 0;
+  // The same at its beginning.
+  double at_start = 0;
+};
+
+// How far the robot, a body of balls about its parts, is from what may hold somebody. A body that
+// is too large makes distances too small. Only parts that move are counted: on a path those that it
+// moves, at a single configuration those that a joint can move. Refers to both, which must outlive
+// it. To be used by one thread.
+class SeparationMeter {
+ public:
+  SeparationMeter(const DrawnRobot& robot, const SpaceDistances& space)
+      : robot_(robot), space_(space) {}
+
+  // Along straight lines between waypoints, of which there is at least one, as far as the robot
+  // moves up to `horizon` metres on them; nothing: all. Between the places that are looked at no
+  // point of the robot moves farther than kStep; half of that is subtracted.
+  // Nothing if `stop`, which is asked at every place, says so, or a value is not finite.
+  static constexpr double kStep = 0.02;
+  std::optional<PathDistance> Along(std::span<const Configuration> waypoints,
+                                    std::optional<double> horizon, const Stop& stop = nullptr);
+
+ private:
+  // Counts the parts that the path moves.
+  void FindMoving(std::span<const Configuration> waypoints);
+  // At a configuration, metres.
+  double At(std::span<const double> q);
+  // How far any point of the robot moves at most, metres.
+  double Movement(std::span<const double> from, std::span<const double> to) const;
+
+  const DrawnRobot& robot_;
+  const SpaceDistances& space_;
+  std::vector<Eigen::Isometry3d> poses_;
+  PlacedBalls placed_;
+  std::vector<bool> moves_;  // by part
+};
+
+}  // namespace silhouette

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/collision/space_distances.h"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <stdexcept>
+
+namespace silhouette {
+namespace {
+
+#define SILHOUETTE_SPACE_VECTORS [[gnu::target_clones("avx2", "default")]]
+
+// Squares of edges that lie between two voxels, `apart` places from each other along an axis.
+int16_t Between(int apart) {
+  const int edges = std::max(apart - 1, 0);
+  return static_cast<int16_t>(edges * edges);
+}
+
+// Eight values, or as many as the processor takes at once.
+using Lanes [[gnu::vector_size(32), gnu::may_alias, gnu::aligned(2)]] = int16_t;
+constexpr size_t kLanes = sizeof(Lanes) / sizeof(int16_t);
+static_assert(VoxelGrid::kBlockEdge * sizeof(int16_t) == sizeof(Lanes) / 2);
+
+// best = min(best, from + more), value by value.
+SILHOUETTE_SPACE_VECTORS
+void Lower(std::span<int16_t> best, std::span<const int16_t> from, int16_t more) {
+  size_t i = 0;
+  for (; i + kLanes <= best.size(); i += kLanes) {
+    Lanes& into = *reinterpret_cast<Lanes*>(best.data() + i);
+    const Lanes other = *reinterpret_cast<const Lanes*>(from.data() + i) + more;
+    into = other < into ? other : into;
+  }
+  for (; i < best.size(); ++i) {
+    best[i] = std::min(best[i], static_cast<int16_t>(from[i] + more));
+  }
+}
+
+// Of one row: squares along it, `most` where no voxel is near.
+void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> squares) {
+  const auto is_set = [&](size_t x) { return (row[x / 64] >> (x % 64) & 1) != 0; };
+  const int far = static_cast<int>(squares.size()) + 256;
+  const auto lower = [&](size_t x, int& apart) {
+    apart = is_set(x) ? 0 : std::min(apart + 1, far);
+    squares[x] = std::min(squares[x], apart > 182 ? most : std::min(most, Between(apart)));
+  };
+  int apart = far;
+  for (size_t x = 0; x < squares.size(); ++x) lower(x, apart);
+  apart = far;
+  for (size_t x = squares.size(); x-- > 0;) lower(x, apart);
+}
+
+}  // namespace
+
+SpaceDistances::SpaceDistances(const VoxelSet& voxels, const VoxelGrid& grid, double range)
+    : grid_(grid), range_(range) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (voxels.size(axis) != grid.size(axis)) {
+      throw std::invalid_argument("the voxels are not of the grid");
+    }
+  }
+  const double edges = range / grid.edge();
+  if (!(edges > 0 && edges <= 127)) {
+    throw std::invalid_argument("a range of distances is positive, and at most 127 edges");
+  }
+  const int reach = static_cast<int>(std::ceil(edges)) + 1;  // places apart that count
+  const int16_t most = Between(reach);
+  const auto width = static_cast<size_t>(grid.size(0));
+  const auto height = static_cast<size_t>(grid.size(1));
+  const auto depth = static_cast<size_t>(grid.size(2));
+  squares_.assign(width * height * depth, most);
+  const auto row_of = [&](std::vector<int16_t>& all, size_t y, size_t z) {
+    return std::span(all).subspan((z * height + y) * width, width);
+  };
+  for (size_t z = 0; z < depth; ++z) {
+    for (size_t y = 0; y < height; ++y) {
+      const auto row = voxels.row(static_cast<int>(y), static_cast<int>(z));
+      if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
+      AlongRow(row, most, row_of(squares_, y, z));
+    }
+  }
+  // Along y, then along z: rows near by, each with the square between.
+  std::vector<int16_t> before = squares_;
+  const auto empty = [&](std::span<const int16_t> row) {
+    return std::ranges::all_of(row, [&](int16_t square) { return square == most; });
+  };
+  const auto spread = [&](size_t y, size_t z, bool along_z) {
+    const std::span<const int16_t> from = row_of(before, y, z);
+    if (empty(from)) return;
+    const auto at = static_cast<int>(along_z ? z : y);
+    const auto end = static_cast<int>(along_z ? depth : height);
+    for (int to = std::max(at - reach + 1, 0); to < std::min(at + reach, end); ++to) {
+      const auto place = static_cast<size_t>(to);
+      Lower(along_z ? row_of(squares_, y, place) : row_of(squares_, place, z), from,
+            Between(std::abs(to - at)));
+    }
+  };
+  for (bool along_z : {false, true}) {
+    before = squares_;
+    for (size_t z = 0; z < depth; ++z) {
+      for (size_t y = 0; y < height; ++y) spread(y, z, along_z);
+    }
+  }
+}
+
+double SpaceDistances::AtLeast(const Eigen::Vector3d& point) const {
+  const Eigen::Vector3d place = (point - grid_.lower()) / grid_.edge();
+  Eigen::Vector3i voxel;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!(place[axis] >= 0 && place[axis] < grid_.size(axis))) return 0;
+    voxel[axis] = static_cast<int>(place[axis]);
+  }
+  const auto number = (static_cast<size_t>(voxel.z()) * static_cast<size_t>(grid_.size(1)) +
+                       static_cast<size_t>(voxel.y())) *
+                          static_cast<size_t>(grid_.size(0)) +
+                      static_cast<size_t>(voxel.x());
+  return std::min(range_, std::sqrt(static_cast<double>(squares_[number])) * grid_.edge());
+}
+
+}  // namespace silhouette

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// Distances from voxels, and the protective separation distance.
+#include "server/collision/separation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "server/collision/space_distances.h"
+#include "tests/random.h"
+
+namespace silhouette {
+namespace {
+
+TEST(SpaceDistances, AreThoseBetweenTheBoxesOfVoxels) {
+  Random random;
+  for (int round = 0; round < 30; ++round) {
+    const int width = std::uniform_int_distribution<int>(3, 90)(random);
+    const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d(width, 11, 20) * 0.05}, 0.05);
+    VoxelSet set(grid);
+    const auto somewhere = [&](int axis) {
+      return std::uniform_int_distribution<int>(0, grid.size(axis) - 1)(random);
+    };
+    std::vector<Eigen::Vector3i> voxels;
+    for (int i = 0; i < round % 5; ++i) {
+      voxels.emplace_back(somewhere(0), somewhere(1), somewhere(2));
+      set.Insert(voxels.back().x(), voxels.back().y(), voxels.back().z());
+    }
+    const double range = std::uniform_real_distribution<double>(0.04, 2)(random);
+    const SpaceDistances distances(set, grid, range);
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3i at(somewhere(0), somewhere(1), somewhere(2));
+      const Eigen::AlignedBox3d box = grid.Box(at.x(), at.y(), at.z());
+      double expected = range;
+      for (const Eigen::Vector3i& voxel : voxels) {
+        const Eigen::Vector3i apart =
+            ((voxel - at).cwiseAbs() - Eigen::Vector3i::Ones()).cwiseMax(0);
+        expected = std::min(expected, 0.05 * std::sqrt(static_cast<double>(apart.squaredNorm())));
+      }
+      EXPECT_NEAR(distances.AtLeast(box.center()), expected, 1e-9);
+    }
+  }
+}
+
+TEST(SpaceDistances, NothingIsKnownBeyondTheGrid) {
+  const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
+  const SpaceDistances distances(VoxelSet(grid), grid, 1);
+  EXPECT_EQ(distances.AtLeast({0.5, 0.5, 0.5}), 1);
+  EXPECT_EQ(distances.AtLeast({0.5, 0.5, -0.01}), 0);
+  EXPECT_EQ(distances.AtLeast({std::nan(""), 0.5, 0.5}), 0);
+}
+
+TEST(SpaceDistances, RefusesARangeThatCannotBe) {
+  const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
+  for (double range : {0.0, -1.0, 13.0, std::nan("")}) {
+    EXPECT_THROW(SpaceDistances(VoxelSet(grid), grid, range), std::invalid_argument);
+  }
+  EXPECT_THROW(SpaceDistances(VoxelSet(), grid, 1), std::invalid_argument);
+}
+
+SeparationSettings Levels() {
+  SeparationSettings settings;
+  settings.levels = {{"slow", 0.25, 0.1, 0.02}, {"fast", 1.5, 0.5, 0.4}};
+  return settings;
+}
+
+TEST(ProtectiveDistance, IsTheSumOfTheStandard) {
+  SeparationSettings settings = Levels();
+  settings.intrusion = 0.1;
+  settings.uncertainty = 0.05;
+  // 1.6 (0.3 + 0.5) + 1.5 * 0.3 + 0.4 + 0.15
+  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[1], 0.2), 2.28, 1e-12);
+}
+
+TEST(ProtectiveDistance, PeopleReachFasterThanTheyWalkWhereTheyAreNear) {
+  SeparationSettings settings = Levels();
+  settings.reaction_time = 0.05;
+  // 2.0 (0.1 + 0.1) + 0.25 * 0.1 + 0.02
+  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[0], 0.05), 0.445, 1e-12);
+  // 2.0 * 0.24 + ... is above 0.5; 1.6 * 0.24 + ... is below.
+  EXPECT_EQ(ProtectiveDistance(settings, settings.levels[0], 0.09), kNear);
+}
+
+TEST(ProtectiveDistance, NeverFallsAsAnImageGrowsOld) {
+  const SeparationSettings settings = Levels();
+  for (const SpeedLevel& level : settings.levels) {
+    double before = 0;
+    for (int i = 0; i < 1000; ++i) {
+      const double distance = ProtectiveDistance(settings, level, i * 0.001);
+      EXPECT_GE(distance, before);
+      before = distance;
+    }
+  }
+}
+
+TEST(LevelsKept, AFasterLevelNeedsAllSlowerOnes) {
+  const std::vector<double> distances = {0.5, 0.9, 1.4};
+  EXPECT_EQ(LevelsKept(distances, 0.4), 0u);
+  EXPECT_EQ(LevelsKept(distances, 0.5), 1u);
+  EXPECT_EQ(LevelsKept(distances, 1.39), 2u);
+  EXPECT_EQ(LevelsKept(distances, 2), 3u);
+  EXPECT_EQ(LevelsKept(std::vector<double>{1.0, 0.2}, 0.5), 0u);
+}
+
+TEST(SeparationSettings, RefusesWhatCannotBe) {
+  EXPECT_NO_THROW(RequireValid(Levels()));
+  const auto refused = [](const auto& change) {
+    SeparationSettings settings = Levels();
+    change(settings);
+    EXPECT_THROW(RequireValid(settings), std::invalid_argument);
+  };
+  refused([](SeparationSettings& s) { s.levels.clear(); });
+  refused([](SeparationSettings& s) { s.levels[1].name = "slow"; });
+  refused([](SeparationSettings& s) { s.levels[0].name.clear(); });
+  refused([](SeparationSettings& s) { std::swap(s.levels[0], s.levels[1]); });
+  refused([](SeparationSettings& s) { s.levels[0].speed = 0; });
+  refused([](SeparationSettings& s) { s.levels[0].stopping_time = -1; });
+  refused([](SeparationSettings& s) { s.human_speed = std::nan(""); });
+  refused([](SeparationSettings& s) { s.uncertainty = -0.1; });
+}
+
+}  // namespace
+}  // namespace silhouette

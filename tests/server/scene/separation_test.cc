@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Distances to what may hold somebody: never more than the true ones.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "tests/server/scene/drawn_scene.h"
+
+namespace silhouette {
+namespace {
+
+struct SeparationTest : DrawnSceneTest {
+  // Of the robot's body, at least: its distances end so much below the range.
+  static constexpr double kLargestBall = 0.4;
+
+  SeparationTest() { Serve(Seen()); }
+
+  // What the cameras see nearly all of.
+  static SeparationCell Seen() {
+    return {
+        .settings = {},
+        .zone = Eigen::AlignedBox3d(Eigen::Vector3d(-1.3, -1.3, 0), Eigen::Vector3d(1.3, 1.3, 2)),
+        .voxel_edge = 0.05,
+        .unseen_is_empty = true};
+  }
+
+  void Serve(SeparationCell with) {
+    sound =
+        SoundCell{.settings = {.least_obstacle = 0.2, .voxel_edge = 0.04, .model_tolerance = 0.005},
+                  .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(-1.1, -1.1, 0),
+                                                   Eigen::Vector3d(1.1, 1.1, 1.8)),
+                  .payload_radius = 0,
+                  .robot = model};
+    with.settings.levels = {{"slow", 0.25, 0.1, 0.02}, {"fast", 1, 0.3, 0.2}};
+    sound->separation = with;
+    auto loaded = Load({.calibration = calibration, .drawn = cell});
+    ASSERT_TRUE(loaded.ok()) << loaded.status();
+    database = *loaded;
+  }
+
+  // From the links that joints of the grid move to the nearest ball.
+  double TrueDistance(const Configuration& q, const std::vector<DrawnCellBall>& balls) const {
+    double least = std::numeric_limits<double>::infinity();
+    const std::vector<Eigen::Isometry3d> poses =
+        model->LinkPoses(std::vector<double>{q[0], q[1], 0.1});
+    for (size_t link = 1; link < poses.size(); ++link) {
+      const LinkGeometry& geometry = model->links()[link].visual[0];
+      const Eigen::Vector3d half = std::get<BoxShape>(geometry.shape).size / 2;
+      for (const DrawnCellBall& ball : balls) {
+        const Eigen::Vector3d at = (poses[link] * geometry.link_from_shape).inverse() * ball.centre;
+        least =
+            std::min(least, Eigen::AlignedBox3d(-half, half).exteriorDistance(at) - ball.radius);
+      }
+    }
+    return std::max(0.0, least);
+  }
+
+  std::vector<DrawnCellBall> SomebodyNear(const Configuration& now) {
+    while (true) {
+      std::uniform_real_distribution<double> place(-1.2, 1.2);
+      const std::vector<DrawnCellBall> balls = {
+          {{place(random), place(random), 0.2 + std::abs(place(random))}, 0.15}};
+      if (!Touches(now, balls)) return balls;
+    }
+  }
+
+  static constexpr Policy kSound{.preset = Preset::kSound};
+};
+
+TEST_F(SeparationTest, NoTrueDistanceOnAPathIsLess) {
+  double told = 0;
+  double in_truth = 0;
+  for (int scene = 0; scene < 10; ++scene) {
+    const Configuration now = Any();
+    const std::vector<DrawnCellBall> balls = SomebodyNear(now);
+    const Checker checker = CheckerOf(InputOf(now, balls), kSound);
+    for (int i = 0; i < 20; ++i) {
+      const std::vector<Configuration> path = {Any(), Any()};
+      const std::optional<PathDistance> distance = checker.Distance(path, {});
+      ASSERT_TRUE(distance);
+      double least = std::numeric_limits<double>::infinity();
+      for (int step = 0; step <= 100; ++step) {
+        Configuration q = path[0];
+        for (size_t j = 0; j < 2; ++j) q[j] += step / 100.0 * (path[1][j] - path[0][j]);
+        least = std::min(least, TrueDistance(q, balls));
+      }
+      ASSERT_LE(distance->distance, least) << "scene " << scene;
+      told += distance->distance;
+      in_truth += std::min(least, database->separation()->range());
+    }
+  }
+  RecordProperty("share_of_true_distance_in_percent", static_cast<int>(100 * told / in_truth));
+  EXPECT_GT(told, 0.5 * in_truth);
+}
+
+TEST_F(SeparationTest, AnEmptyCellThatIsSeenKeepsEveryDistance) {
+  int kept = 0;
+  for (int scene = 0; scene < 10; ++scene) {
+    const Configuration now = Any();
+    const auto distance =
+        CheckerOf(InputOf(now, {}), kSound).Distance(std::vector<Configuration>{now}, {});
+    ASSERT_TRUE(distance);
+    kept += distance->distance > database->separation()->range() - kLargestBall ? 1 : 0;
+  }
+  EXPECT_GE(kept, 9);
+}
+
+TEST_F(SeparationTest, WhatNoViewSeesMayHoldSomebody) {
+  const Configuration now = {0, 0};
+  SeparationCell farther = Seen();
+  farther.zone->extend(Eigen::Vector3d(-3.5, 0, 0));
+  farther.unseen_is_empty = false;
+  Serve(farther);
+  EXPECT_GT(database->separation()->unseen_share(), 0.01);
+  const auto possible =
+      CheckerOf(InputOf(now, {}), kSound).Distance(std::vector<Configuration>{now}, {});
+  ASSERT_TRUE(possible);
+  EXPECT_LT(possible->distance, database->separation()->range() - kLargestBall);
+}
+
+TEST_F(SeparationTest, OnlyTheHorizonCounts) {
+  const Configuration now = {0, 0};
+  const std::vector<DrawnCellBall> balls = {{{-0.9, 0, 0.8}, 0.12}};
+  const Checker checker = CheckerOf(InputOf(now, balls), kSound);
+  const std::vector<Configuration> towards = {{0.5, 0}, {3, 0}};
+  const auto whole = checker.Distance(towards, {});
+  const auto beginning = checker.Distance(towards, 0.3);
+  ASSERT_TRUE(whole && beginning);
+  EXPECT_LT(whole->distance, 0.2);
+  EXPECT_GT(whole->fraction, 0.8);
+  EXPECT_GT(beginning->distance, whole->distance + 0.2);
+  EXPECT_EQ(beginning->at_start, whole->at_start);
+}
+
+TEST_F(SeparationTest, WithoutASceneNothingIsKnown) {
+  const Checker checker({database, nullptr, Reason::kNoScene}, kSound, settings, kDrawnNow);
+  EXPECT_FALSE(checker.Distance(std::vector<Configuration>{{0, 0}}, {}));
+}
+
+}  // namespace
+}  // namespace silhouette

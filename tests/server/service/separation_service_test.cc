@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Speed and separation over the API.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <thread>
+
+#include "silhouette/client.h"
+#include "tests/server/drawn_cell.h"
+#include "tests/server/service/test_server.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::shared_ptr<const ServedDatabase> SeparatingDatabase(bool with_separation) {
+  const auto model = std::make_shared<const RobotModel>(DrawnModel());
+  SoundCell sound{.settings = {.least_obstacle = 0.2, .voxel_edge = 0.05, .model_tolerance = 0.005},
+                  .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(-1.1, -1.1, 0),
+                                                   Eigen::Vector3d(1.1, 1.1, 1.8)),
+                  .payload_radius = 0,
+                  .robot = model};
+  if (with_separation) {
+    sound.separation = SeparationCell{
+        .settings = {},
+        .zone = Eigen::AlignedBox3d(Eigen::Vector3d(-1.3, -1.3, 0), Eigen::Vector3d(1.3, 1.3, 2)),
+        .voxel_edge = 0.06,
+        .unseen_is_empty = true};
+    sound.separation->settings.levels = {{"slow", 0.25, 0.05, 0.01}, {"fast", 1, 0.3, 0.2}};
+  }
+  const auto created = Database::Create(FreshFolder() / "db", DrawnCellDescription());
+  EXPECT_TRUE(created.ok()) << created.status();
+  auto served = ServedDatabase::Load(
+      **created, {.margin = 0}, {}, sound,
+      {.calibration = DrawnCalibration(), .drawn = DrawnCell{.robot = model, .parts = {}}});
+  EXPECT_TRUE(served.ok()) << served.status();
+  return *std::move(served);
+}
+
+struct SeparationServiceTest : ::testing::Test {
+  // Somebody on the far side of the beam at turn 2, twice: so that a time between scenes is known.
+  void Publish(const std::vector<DrawnCellBall>& people = {{{1.0, 0, 0.9}, 0.15}}) {
+    for (int i = 0; i < 2; ++i) {
+      server.Publish(DrawnSceneInput(*database->robot_images().drawn(), {2, 0}, people));
+    }
+  }
+
+  absl::StatusOr<client::PathCheck> Ask(const std::vector<Configuration>& path,
+                                        const client::SeparationPolicy& policy = {}) {
+    const auto client = client::Client::Connect(server.server->address());
+    if (!client.ok()) return client.status();
+    return client->CheckPath(path, {}, client::Clearance::kOmit, {}, policy);
+  }
+
+  std::shared_ptr<const ServedDatabase> database = SeparatingDatabase(true);
+  TestServer server{database};
+};
+
+TEST_F(SeparationServiceTest, APathTowardsSomebodyKeepsLessDistanceThanOneAway) {
+  Publish();
+  const auto far = Ask({{2.6, 0}, {3, 0}}, {.reaction_time = 0.0});
+  ASSERT_TRUE(far.ok()) << far.status();
+  ASSERT_TRUE(far->separation);
+  EXPECT_EQ(far->separation->unknown_reason, client::Reason::kUnspecified);
+  const auto near = Ask({{2.6, 0}, {0.9, 0}}, {.reaction_time = 0.0});
+  ASSERT_TRUE(near.ok() && near->separation) << near.status();
+  EXPECT_GT(far->separation->distance, near->separation->distance + 0.2);
+  EXPECT_FALSE(near->separation->leads_away);
+  EXPECT_GT(near->separation->fraction, 0.8);
+  const auto away = Ask({{0.9, 0}, {2.6, 0}});
+  ASSERT_TRUE(away.ok() && away->separation) << away.status();
+  EXPECT_TRUE(away->separation->leads_away);
+}
+
+TEST_F(SeparationServiceTest, ReactionCountsTheAgeOfTheImageUntilTheNextReply) {
+  Publish();
+  const auto path = Ask({{3, 0}}, {.human_speed = 1.6, .near_human_speed = 1.6});
+  ASSERT_TRUE(path.ok() && path->separation) << path.status();
+  const client::Separation& told = *path->separation;
+  ASSERT_EQ(told.protective_distances.size(), 2u);
+  const double reaction = absl::ToDoubleSeconds(told.image_age) + 0.1;
+  EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3) + 1.0 * reaction + 0.2, 1e-9);
+  EXPECT_EQ(told.LevelNow() == told.level, std::chrono::steady_clock::now() < told.valid_until);
+}
+
+TEST_F(SeparationServiceTest, WithoutASceneTheRobotStopsWithTheReason) {
+  const auto path = Ask({{3, 0}});
+  ASSERT_TRUE(path.ok() && path->separation) << path.status();
+  EXPECT_EQ(path->separation->level, 0);
+  EXPECT_EQ(path->separation->LevelNow(), 0);
+  EXPECT_EQ(path->separation->unknown_reason, client::Reason::kNoScene);
+}
+
+TEST_F(SeparationServiceTest, AReplyIsNotGoneByWhenItIsOld) {
+  Publish();
+  auto path = Ask({{3, 0}}, {.human_speed = 0.01, .near_human_speed = 0.01, .reaction_time = 0.0});
+  ASSERT_TRUE(path.ok() && path->separation) << path.status();
+  EXPECT_GT(path->separation->level, 0);
+  std::this_thread::sleep_until(path->separation->valid_until);
+  EXPECT_EQ(path->separation->LevelNow(), 0);
+}
+
+TEST_F(SeparationServiceTest, LevelsOfTheRequestReplaceThoseOfTheCell) {
+  Publish();
+  const auto path = Ask({{3, 0}}, {.levels = {{"crawl", 0.01, 0, 0}}, .horizon = 0.2});
+  ASSERT_TRUE(path.ok() && path->separation) << path.status();
+  EXPECT_EQ(path->separation->protective_distances.size(), 1u);
+}
+
+TEST_F(SeparationServiceTest, WhatCannotBeIsRefused) {
+  Publish();
+  const auto refused = [&](const client::SeparationPolicy& policy, const std::string& field) {
+    const auto path = Ask({{3, 0}}, policy);
+    EXPECT_EQ(path.status().code(), absl::StatusCode::kInvalidArgument) << field;
+    EXPECT_THAT(std::string(path.status().message()), HasSubstr(field));
+  };
+  refused({.human_speed = -1}, "human_speed");
+  refused({.reaction_time = NAN}, "reaction_time");
+  refused({.levels = {{"a", 2, 0, 0}, {"b", 1, 0, 0}}}, "levels");
+  refused({.levels = std::vector<client::SpeedLevel>(17, {"a", 1, 0, 0})}, "levels");
+  refused({.horizon = -0.1}, "horizon");
+}
+
+TEST_F(SeparationServiceTest, EndlessPathsAreRefused) {
+  Publish({});
+  EXPECT_EQ(Ask({{2.9, 0}, {2.9, 1e300}}).status().code(), absl::StatusCode::kResourceExhausted);
+  const auto beginning = Ask({{2.9, 0}, {2.9, 1e300}}, {.horizon = 0.1});
+  ASSERT_TRUE(beginning.ok() && beginning->separation) << beginning.status();
+  EXPECT_GT(beginning->separation->distance, 0);
+}
+
+TEST_F(SeparationServiceTest, AWatchTellsItWithEveryScene) {
+  Publish();
+  v1::CheckPathRequest request;
+  Set({3, 0}, request.add_waypoints());
+  request.mutable_separation();
+  grpc::ClientContext context;
+  const auto reader = server.collision->WatchPath(&context, request);
+  v1::WatchPathResponse response;
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_GT(response.check().separation().distance(), 0);
+  Publish();
+  ASSERT_TRUE(reader->Read(&response));
+  EXPECT_GT(response.check().separation().distance(), 0);
+  context.TryCancel();
+}
+
+TEST(SeparationService, CellsWithoutItSayWhatIsMissing) {
+  TestServer server{SeparatingDatabase(false)};
+  const auto client = client::Client::Connect(server.server->address());
+  ASSERT_TRUE(client.ok()) << client.status();
+  const auto path = client->CheckPath(std::vector<Configuration>{{3, 0}}, {},
+                                      client::Clearance::kOmit, {}, client::SeparationPolicy{});
+  EXPECT_EQ(path.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(path.status().message()), HasSubstr("the sections 'sound' and"));
+}
+
+}  // namespace
+}  // namespace silhouette
