@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "calib/robot/drawing/drawn_places.h"
 #include "calib/robot/drawing/motion_check.h"
+#include "clients/cpp/motion_in_map.h"
 #include "silhouette/messages.h"
 
 namespace silhouette::client {
@@ -97,25 +98,30 @@ Verdict DrawnSpace::Check(std::span<const double> q, const SpaceMap& map) const 
   return Judge(q, {}, q, q);
 }
 
-PathCheck DrawnSpace::CheckMotion(std::span<const double> from, std::span<const double> to,
-                                  double path_resolution) const {
+MotionVerdict DrawnSpace::CheckMotion(std::span<const double> from, std::span<const double> to,
+                                      double path_resolution) const {
   if (!(path_resolution >= kLeastResolution && path_resolution <= kMostResolution)) {
     throw std::invalid_argument("path_resolution must be 0.0005 to 0.1 m");
   }
-  PathCheck result;
+  MotionVerdict result;
   // Whether it is free, which is so of the whole stretch between two places.
-  const auto note = [&](const MotionPlace& place, int segment, std::span<const double> first,
+  const auto note = [&](const MotionPlace& place, std::span<const double> first,
                         std::span<const double> last) {
     ++result.checked;
-    Verdict verdict = Judge(place.q, place.growth, first, last);
-    if (verdict.free() || !place.growth.empty()) return verdict.free();
-    result.verdict = std::move(verdict);
-    result.segment = segment;
+    const Verdict verdict = Judge(place.q, place.growth, first, last);
+    if (verdict.free()) {
+      result.last_free = place.growth.empty() ? place.fraction : place.last;
+      return true;
+    }
+    if (!place.growth.empty()) return false;
+    result.state = verdict.state;
+    result.reason = verdict.reason;
     result.fraction = place.fraction;
-    result.configuration.assign(place.q.begin(), place.q.end());
+    std::copy_n(place.q.begin(), std::min(place.q.size(), result.place.size()),
+                result.place.begin());
     return false;
   };
-  if (!note({.q = from, .growth = {}}, 0, from, from)) return result;
+  if (!note({.q = from, .growth = {}}, from, from)) return result;
   if (!IsOutside(to)) {
     Configuration first;
     Configuration last;
@@ -125,22 +131,18 @@ PathCheck DrawnSpace::CheckMotion(std::span<const double> from, std::span<const 
       if (stopped) return false;
       GoTo(from, to, place.first, first);
       GoTo(from, to, place.last, last);
-      return note(place, 0, first, last);
+      return note(place, first, last);
     };
-    const MotionCheck motion =
-        silhouette::CheckMotion(*robot_->robot, from, to, path_resolution, is_free);
-    if (stopped) {
-      result.verdict = {.reason = Reason::kNotCheckedHere};
-      result.configuration.assign(from.begin(), from.end());
-    }
+    const auto motion = silhouette::CheckMotion(*robot_->robot, from, to, path_resolution, is_free);
+    if (stopped) return UnknownMotion(Reason::kNotCheckedHere, from);
     if (!motion.free) return result;
     result.sampled_step = motion.sampled_step;
   }
-  if (!note({.q = to, .growth = {}}, 1, to, to)) {
+  if (!note({.q = to, .growth = {}, .fraction = 1}, to, to)) {
     result.sampled_step = 0;
     return result;
   }
-  result.verdict = {.state = State::kFree};
+  result.state = State::kFree;
   result.proof = result.sampled_step > 0 ? PathProof::kSampled : PathProof::kContinuous;
   return result;
 }

@@ -14,8 +14,8 @@
 #include "calib/robot/drawing/drawn_robot.h"
 #include "clients/cpp/space_map.h"
 #include "db/mask/joint_regions.h"
-#include "silhouette/answers.h"
 #include "silhouette/configuration_grid.h"
+#include "silhouette/space_snapshot.h"
 #include "silhouette/v1/collision_service.pb.h"
 
 namespace silhouette::client {
@@ -43,9 +43,9 @@ class DrawnSpace {
   // Without evidence, hidden_possible and regions. `map`: of the same scene: where a node of the
   // arm (GridJoint::any) is free, so are all joint values whose nearest node it is.
   Verdict Check(std::span<const double> q, const SpaceMap& map) const;
-  // As SpaceSnapshot::CheckMotion; without a basis.
-  PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
-                        double path_resolution) const;
+  // As SpaceSnapshot::CheckMotion.
+  MotionVerdict CheckMotion(std::span<const double> from, std::span<const double> to,
+                            double path_resolution) const;
 
  private:
   DrawnSpace(std::shared_ptr<const ServedRobot> robot, std::vector<std::optional<Mask>> planes,

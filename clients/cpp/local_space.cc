@@ -13,6 +13,7 @@
 
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
+#include "clients/cpp/motion_in_map.h"
 #include "clients/cpp/published.h"
 #include "clients/cpp/server_clock.h"
 #include "clients/cpp/space_assembly.h"
@@ -36,9 +37,10 @@ std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
 
 class LocalSpace::Impl {
  public:
-  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string variant,
-       LocalSpaceOptions options)
-      : connection_(std::move(connection)),
+  Impl(const Client& client, std::shared_ptr<const Connection> connection, absl::Duration timeout,
+       std::string variant, LocalSpaceOptions options)
+      : client_(client),
+        connection_(std::move(connection)),
         timeout_(timeout),
         variant_(std::move(variant)),
         options_(std::move(options)),
@@ -67,6 +69,19 @@ class LocalSpace::Impl {
   LocalSpaceStatus status() const {
     const std::lock_guard lock(mutex_);
     return status_;
+  }
+
+  MotionVerdict Ask(const std::vector<Configuration>& motion, double path_resolution) const {
+    const auto path = client_.CheckPath(motion, options_.policy, Clearance::kOmit, path_resolution);
+    if (!path.ok()) return UnknownMotion(Reason::kConnectionLost, motion.front());
+    MotionVerdict verdict = UnknownMotion(path->verdict.reason, path->configuration);
+    verdict.state = path->verdict.state;
+    verdict.checked = path->checked;
+    verdict.proof = path->proof;
+    verdict.sampled_step = path->sampled_step;
+    verdict.fraction = path->verdict.free() ? 0 : std::min(path->segment + path->fraction, 1.0);
+    verdict.last_free = path->verdict.free() ? 1 : 0;
+    return verdict;
   }
 
  private:
@@ -133,10 +148,11 @@ class LocalSpace::Impl {
       return made.status();
     }
     if ((*update)->whole) rule.reset();
+    // First, so that what is published is decided between grid points, too.
+    if (!rule && (*update)->drawn == nullptr) {
+      rule = AskForRule((*update)->basis.database_generation());
+    }
     Take(**update, *made, rule);
-    if (rule || (*update)->drawn != nullptr) return absl::OkStatus();
-    rule = AskForRule((*update)->basis.database_generation());
-    if (rule) Publish([&](Content& content) { content.rule = rule; });
     return absl::OkStatus();
   }
 
@@ -195,6 +211,7 @@ class LocalSpace::Impl {
                          response->views_size());
   }
 
+  const Client client_;
   const std::shared_ptr<const Connection> connection_;
   const absl::Duration timeout_;
   const std::string variant_;
@@ -209,7 +226,7 @@ class LocalSpace::Impl {
 };
 
 LocalSpace::LocalSpace(const Client& client, LocalSpaceOptions options)
-    : impl_(std::make_unique<Impl>(client.connection_, client.timeout_, client.variant_,
+    : impl_(std::make_unique<Impl>(client, client.connection_, client.timeout_, client.variant_,
                                    std::move(options))) {}
 LocalSpace::~LocalSpace() = default;
 
@@ -222,6 +239,15 @@ Verdict LocalSpace::Check(std::span<const double> q, Basis* basis) const {
   const std::shared_ptr<const SpaceSnapshot> snapshot = Snapshot();
   if (basis != nullptr) *basis = snapshot->basis();
   return snapshot->Check(q);
+}
+
+MotionVerdict LocalSpace::CheckMotionOrAsk(std::span<const double> from, std::span<const double> to,
+                                           double path_resolution) const {
+  const MotionVerdict here = CheckMotion(from, to, path_resolution);
+  const bool undecided = here.reason == Reason::kBetweenGridPoints ||
+                         here.reason == Reason::kNotInMap || here.reason == Reason::kNotCheckedHere;
+  if (here.state != State::kUnknown || !undecided) return here;
+  return impl_->Ask({{from.begin(), from.end()}, {to.begin(), to.end()}}, path_resolution);
 }
 
 std::shared_ptr<const SpaceSnapshot> LocalSpace::Snapshot() const {

@@ -16,9 +16,10 @@ std::optional<int> MinViews(const Policy& policy, int views) {
   return std::max(1, views - std::min(*policy.max_occluded_views, views));
 }
 
-// Whether a view that shows no obstacle at any corner shows none at all of them together, as long
-// as no other view shows one.
-bool ShowsNoMoreTogether(const Policy& policy) {
+// Whether robot images alone decide. Then a view that shows an obstacle at a corner shows one at
+// all of them together; and one that shows none at any corner shows none at all of them together,
+// as long as no other view shows one.
+bool ByImagesAlone(const Policy& policy) {
   return policy.preset == "uncalibrated" || policy.preset == "paper" ||
          policy.preset == "calibrated" || policy.preset == "paper-calibrated";
 }
@@ -43,7 +44,8 @@ Policy Effective(const Policy& asked, const Policy& defaults) {
 
 OffGridRule OffGridRuleOf(const Policy& policy, int views) {
   return {.off_grid = policy.off_grid.value_or(OffGrid::kCell),
-          .free_corners_suffice = MinViews(policy, views) == 1 && ShowsNoMoreTogether(policy)};
+          .free_corners_suffice = MinViews(policy, views) == 1 && ByImagesAlone(policy),
+          .occupied_corner_suffices = ByImagesAlone(policy)};
 }
 
 }  // namespace silhouette::client

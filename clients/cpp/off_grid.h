@@ -17,6 +17,9 @@ struct OffGridRule {
   // Whether a grid cell is free if all its corners are. The server tests the union of the robot
   // images at the corners, which may touch obstacles in more views than any of them does.
   bool free_corners_suffice = false;
+  // Whether a place is occupied if a corner around it is. Not so where the server looks at the
+  // robot's body, which touches more at the corner.
+  bool occupied_corner_suffices = false;
   // The server draws the robot off the grid: grid points say nothing of what is in between.
   bool drawn = false;
 };
@@ -31,6 +34,19 @@ enum class CellState {
 
 // A map without cells.
 inline constexpr auto kNoCells = [](ConfigurationNumber) { return CellState::kUnknown; };
+
+// The first corner of the cell that holds `q`; nothing outside the grid.
+inline std::optional<ConfigurationNumber> CellOf(const ConfigurationGrid& grid,
+                                                 std::span<const double> q) {
+  if (q.size() != grid.joints().size()) return std::nullopt;
+  GridIndex low{};
+  for (size_t j = 0; j < q.size(); ++j) {
+    const std::optional<double> place = grid.Place(static_cast<int>(j), q[j]);
+    if (!place) return std::nullopt;
+    low[j] = static_cast<int>(*place);
+  }
+  return grid.NumberOf(low);
+}
 
 // Whether one of the cells that hold `q` is free; `low`: the first of `q`'s own corners.
 // `cell_at`: the CellState of a ConfigurationNumber.
@@ -88,8 +104,10 @@ Verdict CheckInMap(const ConfigurationGrid& grid, const OffGridRule& rule,
     verdict.reason = verdict.state == State::kUnknown ? Reason::kNotInMap : Reason::kUnspecified;
     return verdict;
   }
+  const std::optional<ConfigurationNumber> cell = CellOf(grid, q);
+  if (!cell) return verdict;
+  if (!rule.drawn && cell_at(*cell) == CellState::kFree) return {.state = State::kFree};
   const CellCorners corners = grid.CornersAround(q);
-  if (corners.count() == 0) return verdict;
   if (rule.drawn && corners.count() > 1) return {.reason = Reason::kBetweenGridPoints};
   bool occupied = false;
   for (const ConfigurationNumber corner : corners.numbers()) {
@@ -100,9 +118,10 @@ Verdict CheckInMap(const ConfigurationGrid& grid, const OffGridRule& rule,
     }
     occupied = occupied || state == State::kOccupied;
   }
-  const ConfigurationNumber low = corners.numbers()[0];
+  const ConfigurationNumber low = *cell;
   if (occupied) {
-    verdict.state = State::kOccupied;
+    const bool decided = corners.count() == 1 || rule.occupied_corner_suffices;
+    verdict.state = decided ? State::kOccupied : State::kUnknown;
   } else if (corners.count() == 1 || rule.free_corners_suffice ||
              InFreeCell(grid, q, low, cell_at)) {
     verdict.state = State::kFree;

@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "clients/cpp/motion_in_map.h"
+
 namespace silhouette::client {
 
 using Clock = std::chrono::steady_clock;
@@ -77,22 +79,17 @@ Verdict SpaceSnapshot::Check(std::span<const double> q) const {
   return verdict;
 }
 
-PathCheck SpaceSnapshot::CheckMotion(std::span<const double> from, std::span<const double> to,
-                                     double path_resolution) const {
-  const auto unknown = [from](Reason reason) {
-    PathCheck check;
-    check.verdict.reason = reason;
-    check.configuration.assign(from.begin(), from.end());
-    return check;
-  };
-  PathCheck check = unknown(Reason::kNotCheckedHere);
+MotionVerdict SpaceSnapshot::CheckMotion(std::span<const double> from, std::span<const double> to,
+                                         double path_resolution) const {
+  MotionVerdict motion;
   if (content_->drawn != nullptr) {
-    check = content_->drawn->CheckMotion(from, to, path_resolution);
-    check.verdict.regions = content_->basis.regions;
+    motion = content_->drawn->CheckMotion(from, to, path_resolution);
+  } else if (content_->map != nullptr) {
+    motion = content_->rule ? CheckMotionInMap(*content_->map, *content_->rule, from, to)
+                            : UnknownMotion(Reason::kBetweenGridPoints, from);
   }
-  if (const std::optional<Reason> reason = unknown_reason()) check = unknown(*reason);
-  check.basis = content_->basis;
-  return check;
+  if (const std::optional<Reason> reason = unknown_reason()) return UnknownMotion(*reason, from);
+  return motion;
 }
 
 ConfigurationChecks SpaceSnapshot::CheckConfigurations(

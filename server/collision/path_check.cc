@@ -5,8 +5,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "db/mask/segment_places.h"
 #include "server/collision/collision_checker.h"
-#include "server/collision/segment_places.h"
 
 namespace silhouette {
 namespace {
@@ -41,6 +41,8 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
   if (table_.drawn() != nullptr) return CheckDrawnPath(waypoints, evidence, settings);
   PathVerdict result;
   bool hidden_possible = false;
+  using enum SegmentPlaces::Border;
+  const SegmentPlaces::Border border = off_grid_ == OffGrid::kCell ? kGridValues : kHalfWay;
   // Whether the path ends here, because this place is not free.
   const auto stops_at = [&](const Configuration& q, size_t segment, double fraction,
                             const Between& part) {
@@ -61,7 +63,7 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
     if (i + 1 == waypoints.size()) break;
     const Configuration& to = waypoints[i + 1];
     if (to.size() != waypoints[i].size()) continue;  // outside the grid, as its own turn will show
-    SegmentPlaces places(table_.grid(), waypoints[i], to, off_grid_);
+    SegmentPlaces places(table_.grid(), waypoints[i], to, border);
     if (!places.resolvable()) {
       if (stops_at(to, i + 1, 0, {to, to})) return result;
       // Too many turns away.

@@ -3,7 +3,9 @@
 #include <benchmark/benchmark.h>
 
 #include <memory>
+#include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "silhouette/client.h"
@@ -63,6 +65,32 @@ void Single(benchmark::State& state) {
   });
 }
 
+// Free motions of the map through four grid cells.
+void LocalMotion(benchmark::State& state) {
+  constexpr int kCount = 20'000;
+  const auto snapshot = Space().Snapshot();
+  std::mt19937_64 random(1);
+  std::vector<std::pair<Configuration, Configuration>> motions;
+  const auto joints = GridOf1M().joints();
+  while (motions.size() < kCount) {
+    Configuration from;
+    Configuration to;
+    for (size_t j = 0; j < joints.size(); ++j) {
+      const int at = std::uniform_int_distribution(0, joints[j].steps - 4)(random);
+      // Three crossings: four cells.
+      const double steps = j < 3 ? 1 : 0.2;
+      from.push_back(joints[j].lower +
+                     (at + 0.3 + 0.1 * static_cast<double>(j)) * joints[j].step());
+      to.push_back(from.back() + steps * joints[j].step());
+    }
+    if (snapshot->CheckMotion(from, to).free()) motions.emplace_back(from, to);
+  }
+  MeasureShortCalls(state, kCount, [&](int i) {
+    const auto& [from, to] = motions[static_cast<size_t>(i)];
+    benchmark::DoNotOptimize(snapshot->CheckMotion(from, to));
+  });
+}
+
 void ClientBatch(benchmark::State& state) {
   constexpr int kCount = 1'000'000;
   const std::vector<ConfigurationNumber> numbers = RandomNumbers(GridOf1M(), kCount);
@@ -80,6 +108,7 @@ const bool kClientRegistered = [] {
     ClientInTurn(state, *Space().Snapshot());
   })->UseManualTime();
   benchmark::RegisterBenchmark("local_client/single", Single)->UseManualTime();
+  benchmark::RegisterBenchmark("local_client/motion", LocalMotion)->UseManualTime();
   benchmark::RegisterBenchmark("local_client/batch", ClientBatch)->Unit(benchmark::kMillisecond);
   return true;
 }();

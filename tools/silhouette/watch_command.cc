@@ -25,8 +25,8 @@ constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
 
 struct WatchArguments {
   PathArguments path;
-  std::string max_age = "1s";
-  int count = 0;  // 0: no end
+  std::string max_age;  // empty: the server's alone
+  int count = 0;        // 0: no end
   bool no_retry = false;
 };
 
@@ -103,7 +103,10 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
 
 absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client,
                                     const WatchArguments& arguments, Lines& lines) {
-  ASSIGN_OR_RETURN(const absl::Duration max_age, ParseDuration(arguments.max_age));
+  absl::Duration max_age = absl::InfiniteDuration();
+  if (!arguments.max_age.empty()) {
+    ASSIGN_OR_RETURN(max_age, ParseDuration(arguments.max_age));
+  }
   const LocalSpace space(client,
                          {.policy = session.policy, .max_age = max_age, .obstacles = false});
   uint64_t printed = 0;
@@ -197,10 +200,9 @@ void AddWatchCommand(CLI::App& program, Session& session) {
   auto arguments = std::make_shared<WatchArguments>();
   AddPathArguments(*command, session, arguments->path);
   AddSeparationOptions(*command, arguments->path);
-  command
-      ->add_option("--max-age", arguments->max_age,
-                   "How old a scene may be until all is unknown, e.g. 300ms; not for a path")
-      ->capture_default_str();
+  command->add_option("--max-age", arguments->max_age,
+                      "How old a scene may be until all is unknown, e.g. 300ms; default: as the\n"
+                      "server has it; not for a path");
   command->add_option("--count", arguments->count, "End after this many updates")
       ->check(PositiveNumber());
   command->add_flag("--no-retry", arguments->no_retry,

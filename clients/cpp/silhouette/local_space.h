@@ -86,10 +86,14 @@ class LocalSpace {
   Verdict Check(std::initializer_list<double> q, Basis* basis = nullptr) const {
     return Check(std::span(q.begin(), q.size()), basis);
   }
-  PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
-                        double path_resolution = 0.005) const {
+  MotionVerdict CheckMotion(std::span<const double> from, std::span<const double> to,
+                            double path_resolution = 0.005) const {
     return Snapshot()->CheckMotion(from, to, path_resolution);
   }
+  // The same; where what is held here does not decide it, the server does, by its newest scene. If
+  // it does not answer, unknown, kConnectionLost.
+  MotionVerdict CheckMotionOrAsk(std::span<const double> from, std::span<const double> to,
+                                 double path_resolution = 0.005) const;
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const {
     return Snapshot()->CheckConfigurations(configurations);
   }

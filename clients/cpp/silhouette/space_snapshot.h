@@ -3,6 +3,7 @@
 // space; of a drawn one what decides any configuration.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <initializer_list>
@@ -17,6 +18,25 @@
 #include "silhouette/verdict.h"
 
 namespace silhouette::client {
+
+// The verdict on a straight motion. Fractions are of the way, 0 to 1.
+struct MotionVerdict {
+  // Free if all of the motion is. Otherwise the verdict at the first place that is not.
+  State state = State::kUnknown;
+  Reason reason = Reason::kUnspecified;
+  // That place: its fraction and its joint values, as many as the robot has. Only if not free.
+  double fraction = 0;
+  std::array<double, kMaxJoints> place{};
+  // All of the motion up to this fraction is free; 0 also if the start is not.
+  double last_free = 0;
+  // Number of places checked, up to there.
+  int64_t checked = 0;
+  // As in PathCheck.
+  PathProof proof = PathProof::kNone;
+  double sampled_step = 0;
+
+  bool free() const { return state == State::kFree; }
+};
 
 // The verdicts of one scene and the end of their validity: after it everything is unknown.
 // Immutable; any number of threads may read it.
@@ -55,13 +75,14 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
     return Check(std::span(q.begin(), q.size()));
   }
 
-  // The straight motion between two configurations of a drawn robot: what Client::CheckPath of
-  // these two waypoints returns, with the same restrictions as Check. Of a captured robot unknown,
-  // kNotCheckedHere: ask the server. `path_resolution`: metres that some point of the robot moves,
-  // as in CheckPathRequest; std::invalid_argument if it is not 0.0005 to 0.1. A motion that
-  // takes more than a million checks is unknown, kNotCheckedHere.
-  PathCheck CheckMotion(std::span<const double> from, std::span<const double> to,
-                        double path_resolution = 0.005) const;
+  // The straight motion between two configurations: what Client::CheckPath of these two waypoints
+  // returns, with the same restrictions as Check. Between grid points the map of a captured robot
+  // may not suffice: unknown, kBetweenGridPoints (LocalSpace::CheckMotionOrAsk). Never allocates
+  // for a captured robot. `path_resolution`: of a drawn robot, metres that some point of it moves,
+  // as in CheckPathRequest; std::invalid_argument if it is not 0.0005 to 0.1. A motion that takes
+  // more than a million checks is unknown, kNotCheckedHere.
+  MotionVerdict CheckMotion(std::span<const double> from, std::span<const double> to,
+                            double path_resolution = 0.005) const;
 
   // Many at once, with one look at the clock.
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const;

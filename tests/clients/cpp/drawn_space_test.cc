@@ -145,13 +145,14 @@ Found ExpectSameMotions(const SpaceSnapshot& here, const Client& client, const P
     }
     const auto there = client.CheckPath(std::vector{from, to}, policy);
     EXPECT_TRUE(there.ok()) << there.status();
-    const PathCheck check = here.CheckMotion(from, to);
-    found.Add(check.verdict.state);
-    EXPECT_EQ(check.verdict.state, there->verdict.state);
-    EXPECT_EQ(check.verdict.reason, there->verdict.reason);
-    EXPECT_EQ(check.segment, there->segment);
-    EXPECT_EQ(check.fraction, there->fraction);
-    EXPECT_EQ(check.configuration, there->configuration);
+    const MotionVerdict check = here.CheckMotion(from, to);
+    found.Add(check.state);
+    EXPECT_EQ(check.state, there->verdict.state);
+    EXPECT_EQ(check.reason, there->verdict.reason);
+    EXPECT_EQ(check.fraction, there->segment + there->fraction);
+    if (!check.free()) {
+      EXPECT_EQ(Configuration(check.place.begin(), check.place.begin() + 2), there->configuration);
+    }
     EXPECT_EQ(check.checked, there->checked);
     EXPECT_EQ(check.proof, there->proof);
     EXPECT_EQ(check.sampled_step, there->sampled_step);
@@ -245,7 +246,7 @@ TEST(DrawnSpace, ForbiddenPlacesAreUnknownAndNoMotionCrossesThem) {
   EXPECT_GT(motions.unknown, 10);
   EXPECT_GT(motions.free, 10);
   EXPECT_EQ(snapshot->Check({0.5, 0}).reason, Reason::kExcluded);
-  EXPECT_EQ(snapshot->CheckMotion(Configuration{0.1, 0}, Configuration{1.2, 0}).verdict.reason,
+  EXPECT_EQ(snapshot->CheckMotion(Configuration{0.1, 0}, Configuration{1.2, 0}).reason,
             Reason::kExcluded);
 }
 
@@ -256,7 +257,7 @@ TEST(DrawnSpace, PresetsThatDoNotCountViewsAreRefusedWithASentence) {
   EXPECT_EQ(snapshot->unknown_reason(), Reason::kNotCheckedHere);
   EXPECT_THAT(std::string(space.status().problem.message()), HasSubstr("'calibrated'"));
   EXPECT_FALSE(space.Check({1, 0}).free());
-  EXPECT_FALSE(space.CheckMotion(Configuration{1, 0}, Configuration{1.1, 0}).verdict.free());
+  EXPECT_FALSE(space.CheckMotion(Configuration{1, 0}, Configuration{1.1, 0}).free());
 }
 
 TEST(DrawnSpace, ExpiresWithTheScene) {
@@ -273,8 +274,8 @@ TEST(DrawnSpace, ExpiresWithTheScene) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   EXPECT_EQ(snapshot->Check(q).reason, Reason::kUpdateExpired);
-  const PathCheck motion = snapshot->CheckMotion(q, q);
-  EXPECT_EQ(motion.verdict.reason, Reason::kUpdateExpired);
+  const MotionVerdict motion = snapshot->CheckMotion(q, q);
+  EXPECT_EQ(motion.reason, Reason::kUpdateExpired);
   EXPECT_EQ(motion.proof, PathProof::kNone);
   EXPECT_FALSE(space.Check(q).free());
 }
@@ -299,16 +300,16 @@ TEST(DrawnSpace, MotionThatCannotBeOrTakesTooLongIsNotFree) {
   SceneInput input =
       DrawnSceneInput(*running.database->robot_images().drawn(), {2, 0}, {{{1, 0, 0.2}, 0.05}});
   const auto snapshot = SnapshotOfScene(space, running.server.Publish(input).id());
-  const PathCheck far =
+  const MotionVerdict far =
       snapshot->CheckMotion(Configuration{0, -1.9}, Configuration{9e5, -1.9}, 0.1);
-  EXPECT_EQ(far.verdict.reason, Reason::kNotCheckedHere);
+  EXPECT_EQ(far.reason, Reason::kNotCheckedHere);
   EXPECT_EQ(far.proof, PathProof::kNone);
-  EXPECT_EQ(far.configuration, (Configuration{0, -1.9}));
+  EXPECT_EQ(far.place[1], -1.9);
   const Configuration q{1, 0};
   const double none = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(snapshot->CheckMotion(q, Configuration{none, 0}).verdict.reason, Reason::kOutsideGrid);
-  EXPECT_EQ(snapshot->CheckMotion(q, Configuration{1}).verdict.reason, Reason::kOutsideGrid);
-  EXPECT_EQ(snapshot->CheckMotion(Configuration{}, q).verdict.reason, Reason::kOutsideGrid);
+  EXPECT_EQ(snapshot->CheckMotion(q, Configuration{none, 0}).reason, Reason::kOutsideGrid);
+  EXPECT_EQ(snapshot->CheckMotion(q, Configuration{1}).reason, Reason::kOutsideGrid);
+  EXPECT_EQ(snapshot->CheckMotion(Configuration{}, q).reason, Reason::kOutsideGrid);
   EXPECT_EQ(snapshot->Check(Configuration{1, 0, 0}).reason, Reason::kOutsideGrid);
   for (const double resolution : {0.0, -1.0, 0.0001, 0.2, none}) {
     EXPECT_THROW(snapshot->CheckMotion(q, q, resolution), std::invalid_argument);

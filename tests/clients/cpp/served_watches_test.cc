@@ -34,13 +34,10 @@ struct RunningServer {
   TestServer server;
 };
 
-// Waits until the map speaks of a scene, and, `off_grid`, of places off the grid.
-bool Follows(const LocalSpace& space, uint64_t scene, bool off_grid = false) {
+// Waits until the map speaks of a scene.
+bool Follows(const LocalSpace& space, uint64_t scene) {
   for (int i = 0; i < 4000; ++i) {
-    if (space.basis().scene_id == scene &&
-        (!off_grid || space.Check({0.4, 0.1}).reason != Reason::kBetweenGridPoints)) {
-      return true;
-    }
+    if (space.basis().scene_id == scene) return true;
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   return false;
@@ -62,7 +59,7 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
                                                          1 + static_cast<int>(random() % 3)))
                                  .id();
       const bool nearest = policy.off_grid.has_value();
-      ASSERT_TRUE(Follows(space, scene, /*off_grid=*/true)) << space.status().problem;
+      ASSERT_TRUE(Follows(space, scene)) << space.status().problem;
       const auto snapshot = space.Snapshot();
       std::vector<Configuration> places;
       for (int a = 0; a < 5; ++a) {
@@ -96,6 +93,38 @@ TEST(ServedLocalSpace, SaysWhatTheServerSaysOrUnknown) {
   EXPECT_LT(undecided, free_between);
 }
 
+TEST(ServedLocalSpace, MotionIsWhatTheServersPathIs) {
+  Random random;
+  RunningServer running(absl::Minutes(10), {.missing = {{2, 3}}});
+  const Client client = running.client();
+  const LocalSpace space(client, {.max_age = absl::Minutes(5)});
+  ASSERT_TRUE(Follows(space, running.server.Publish(SceneWithBlock(2, 2)).id()));
+  const auto value = [&](double lower, double upper) {
+    return std::uniform_real_distribution<double>(lower, upper)(random);
+  };
+  int free = 0;
+  int undecided = 0;
+  for (int i = 0; i < 200; ++i) {
+    const Configuration from{std::round(value(-0.2, 4.2) * 4) / 4, value(-4, 4)};
+    const Configuration to{i % 3 == 0 ? from[0] : value(-0.2, 4.2), value(-4, 4)};
+    const auto there = client.CheckPath(std::vector{from, to});
+    ASSERT_TRUE(there.ok()) << there.status();
+    const MotionVerdict here = space.CheckMotion(from, to);
+    const MotionVerdict asked = space.CheckMotionOrAsk(from, to);
+    EXPECT_EQ(asked.state, there->verdict.state);
+    if (here.reason == Reason::kBetweenGridPoints) {
+      ++undecided;
+    } else {
+      EXPECT_EQ(here.state, there->verdict.state);
+      EXPECT_EQ(here.fraction, there->segment + there->fraction);
+      EXPECT_EQ(here.proof, here.free() ? PathProof::kGrid : PathProof::kNone);
+    }
+    free += here.free() ? 1 : 0;
+  }
+  EXPECT_GT(free, 10);
+  EXPECT_LT(undecided, 60);
+}
+
 TEST(ServedLocalSpace, TurnsUnknownWithTheSceneAndNamesTheServersReason) {
   RunningServer running(absl::Milliseconds(300));
   const LocalSpace space(running.client(), {.max_age = absl::Minutes(1)});
@@ -119,8 +148,7 @@ TEST(ServedLocalSpace, ServerThatStopsLeavesNothingKnown) {
   const LocalSpace space(running.client(), {.max_age = absl::Minutes(1)});
   ASSERT_TRUE(Follows(space, 1));
   EXPECT_TRUE(space.Check(At(0, 0)).free());
-  ASSERT_TRUE(Follows(space, 1, /*off_grid=*/true));
-  EXPECT_TRUE(space.Check({0.4, 0.1}).free());
+  EXPECT_TRUE(space.Check({0.4, 0.1}).free()) << "between grid points from the first update on";
   running.server.server.reset();
   for (int i = 0; i < 4000 && space.unknown_reason() != Reason::kConnectionLost; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));

@@ -6,8 +6,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "db/mask/segment_places.h"
 #include "server/collision/collision_checker.h"
-#include "server/collision/segment_places.h"
 #include "tests/random.h"
 #include "tests/server/collision/random_cell.h"
 
@@ -240,10 +240,10 @@ TEST(SegmentPlaces, AreTheCrossingsAndOnePlaceBetweenEachTwo) {
   const Configuration from = {0.5, 1};
   const Configuration to = {2.5, 1};
   std::vector<double> cell, nearest;
-  SegmentPlaces crossing(grid, from, to, OffGrid::kCell);
+  SegmentPlaces crossing(grid, from, to, SegmentPlaces::Border::kGridValues);
   while (const auto place = crossing.Next()) cell.push_back(*place);
   EXPECT_EQ(cell, (std::vector<double>{0.125, 0.25, 0.5, 0.75, 0.875}));
-  SegmentPlaces half_way(grid, {{0.75, 1.0}}, {{2.75, 1.0}}, OffGrid::kNearest);
+  SegmentPlaces half_way(grid, {{0.75, 1.0}}, {{2.75, 1.0}}, SegmentPlaces::Border::kHalfWay);
   while (const auto place = half_way.Next()) nearest.push_back(*place);
   EXPECT_EQ(nearest, (std::vector<double>{0.1875, 0.375, 0.625, 0.875, 0.9375}));
 }
@@ -272,7 +272,7 @@ TEST(CheckPath, GivenUpItIsUnknownAndNoPlaceMoreIsTested) {
 
 TEST(SegmentPlaces, LineThatDoesNotMoveHasNone) {
   const Configuration q = {0.5, 1};
-  SegmentPlaces places(UnitGrid(5, 5), q, q, OffGrid::kCell);
+  SegmentPlaces places(UnitGrid(5, 5), q, q, SegmentPlaces::Border::kGridValues);
   EXPECT_EQ(places.Next(), std::nullopt);
 }
 

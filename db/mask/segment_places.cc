@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/collision/segment_places.h"
+#include "db/mask/segment_places.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,15 +9,15 @@
 namespace silhouette {
 namespace {
 
-constexpr double kSnap = 1e-6;        // in steps, as in the grid
-constexpr double kFarthest = 1e9;     // in steps; beyond it doubles become coarser than kSnap
+constexpr double kSnapSteps = 1e-6;   // as in the grid
+constexpr double kFarthest = 1e9;     // in steps; beyond it doubles become coarser than kSnapSteps
 constexpr double kSamePlace = 1e-12;  // fractions nearer than this are one place
 
 // The first value offset + integer that comes after `from` in the direction of `delta`; what lies
 // at `from` itself, up to the snap, does not come after it.
 double FirstCrossing(double from, double delta, double offset) {
-  return delta > 0 ? std::floor(from - offset + kSnap) + 1 + offset
-                   : std::ceil(from - offset - kSnap) - 1 + offset;
+  return delta > 0 ? std::floor(from - offset + kSnapSteps) + 1 + offset
+                   : std::ceil(from - offset - kSnapSteps) - 1 + offset;
 }
 
 void RequireOneValuePerJoint(const ConfigurationGrid& grid, std::span<const double> q) {
@@ -29,17 +29,17 @@ void RequireOneValuePerJoint(const ConfigurationGrid& grid, std::span<const doub
 }  // namespace
 
 SegmentPlaces::SegmentPlaces(const ConfigurationGrid& grid, std::span<const double> from,
-                             std::span<const double> to, OffGrid off_grid) {
+                             std::span<const double> to, Border border) {
   RequireOneValuePerJoint(grid, from);
   RequireOneValuePerJoint(grid, to);
-  const double offset = off_grid == OffGrid::kNearest ? 0.5 : 0;
+  const double offset = border == Border::kHalfWay ? 0.5 : 0;
   for (size_t j = 0; j < from.size(); ++j) {
     const GridJoint& joint = grid.joints()[j];
     if (!std::isfinite(to[j] - from[j])) resolvable_ = false;
     if (to[j] == from[j]) continue;
     if (joint.steps == 1) {  // it moves only to leave the grid
       const double way = std::abs(to[j] - from[j]);
-      if (way > kSnap) leaves_grid_ = std::min(leaves_grid_, kSnap / way);
+      if (way > kSnapSteps) leaves_grid_ = std::min(leaves_grid_, kSnapSteps / way);
       continue;
     }
     Axis axis;

@@ -2,10 +2,10 @@
 // The places of a straight line, in joint values, that have to be tested so that nothing between
 // them is left out.
 //
-// What stands for a configuration changes only where a joint passes a grid value (OffGrid::kCell:
-// another grid cell) or lies half-way between two (OffGrid::kNearest: another grid point). Testing
-// all these crossings, and one place between each two of them, tests the line exactly - up to
-// cells that it touches for less than the millionth of a step to which the grid snaps.
+// What stands for a configuration changes only where a joint passes a grid value (another grid
+// cell) or, if the nearest grid point stands for it, lies half-way between two. Testing all these
+// crossings, and one place between each two of them, tests the line exactly - up to cells that it
+// touches for less than the millionth of a step to which the grid snaps.
 #pragma once
 
 #include <array>
@@ -13,17 +13,19 @@
 #include <span>
 
 #include "db/mask/configuration_grid.h"
-#include "server/collision/policy.h"
 
 namespace silhouette {
 
 class SegmentPlaces {
  public:
+  // Where another place begins.
+  enum class Border { kGridValues, kHalfWay };
+
   // The line from `from`, a configuration in the grid, to `to`, which may lie outside. Values are
   // interpolated as they are: a continuous joint takes the way that they say, over as many turns.
   // Both have one value per joint, else std::invalid_argument. Never allocates.
   SegmentPlaces(const ConfigurationGrid& grid, std::span<const double> from,
-                std::span<const double> to, OffGrid off_grid);
+                std::span<const double> to, Border border);
 
   // False if the line is too long to be resolved in steps: a value that is not finite, or a
   // continuous joint more than a billion steps away. Then Next() gives nothing.
