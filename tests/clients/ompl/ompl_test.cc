@@ -149,8 +149,8 @@ TEST(Ompl, PlanningEndsWhenSomethingIsInTheWayOfStartOrGoal) {
   EXPECT_TRUE(UntilSceneChanges(cell.space, empty, {start})());
   EXPECT_FALSE(UntilSceneChanges(cell.space, empty, {elsewhere})());
   EXPECT_FALSE(UntilSceneChanges(cell.space, blocked, {start})()) << "it was so before";
-  EXPECT_TRUE(IsPathFree(*empty, std::vector{start}));
-  EXPECT_FALSE(IsPathFree(*blocked, std::vector{start, start}));
+  EXPECT_TRUE(IsPathFree(*empty, std::vector<Configuration>{start}));
+  EXPECT_FALSE(IsPathFree(*blocked, std::vector<Configuration>{start, start}));
 }
 
 TEST(Ompl, NothingIsValidOnceTheSnapshotExpires) {
