@@ -53,6 +53,7 @@ const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
                                                        {"gst/", "gst"},
                                                        {"prometheus/", "prometheus"},
                                                        {"spdlog/", "spdlog"},
+                                                       {"ompl/", "ompl"},
                                                        {"CLI/", "CLI11"}};
 
 struct Folder {
