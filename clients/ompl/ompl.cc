@@ -25,18 +25,24 @@ const JointStateSpace& JointsOf(const ob::SpaceInformation& si) {
 
 class SnapshotValidity : public ob::StateValidityChecker {
  public:
-  SnapshotValidity(const ob::SpaceInformationPtr& si, std::shared_ptr<const SpaceSnapshot> snapshot)
-      : ob::StateValidityChecker(si), snapshot_(std::move(snapshot)) {}
+  SnapshotValidity(const ob::SpaceInformationPtr& si, std::shared_ptr<const SpaceSnapshot> snapshot,
+                   const LocalSpace* ask)
+      : ob::StateValidityChecker(si), snapshot_(std::move(snapshot)), ask_(ask) {}
 
   bool isValid(const ob::State* state) const override {
     Values values;
     const std::span<double> q = std::span(values).first(snapshot_->grid()->joints().size());
     JointsOf(*si_).GetValues(state, q);
-    return snapshot_->Check(q).free();
+    const State here = snapshot_->Check(q).state;
+    if (here != State::kUnknown || ask_ == nullptr || snapshot_->unknown_reason()) {
+      return here == State::kFree;
+    }
+    return ask_->CheckMotionOrAsk(q, q).free();
   }
 
  private:
   const std::shared_ptr<const SpaceSnapshot> snapshot_;
+  const LocalSpace* const ask_;
 };
 
 // Does not count motions: several threads may use it.
@@ -111,7 +117,7 @@ ob::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot
   }
   auto si = std::make_shared<ob::SpaceInformation>(
       std::make_shared<JointStateSpace>(snapshot->grid()->joints()));
-  si->setStateValidityChecker(std::make_shared<SnapshotValidity>(si, snapshot));
+  si->setStateValidityChecker(std::make_shared<SnapshotValidity>(si, snapshot, options.ask));
   si->setMotionValidator(std::make_shared<SnapshotMotions>(si, std::move(snapshot), options));
   si->setup();
   return si;

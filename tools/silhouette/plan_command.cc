@@ -15,7 +15,7 @@
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
 #include "tools/silhouette/formats/truth.h"
-#include "tools/silhouette/plan_drawn.h"
+#include "tools/silhouette/plan_motions.h"
 
 namespace silhouette {
 namespace {
@@ -23,6 +23,7 @@ namespace {
 struct PlanArguments {
   std::string start;
   std::string goal;
+  std::string planner;  // empty: wave, or trees for a drawn robot
   bool diagonal = false;
   std::string out;
   std::string picture;
@@ -201,14 +202,25 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto database, client.GetDatabase());
-  if (database.images() == "drawn") {
+  const bool drawn = database.images() == "drawn";
+  const std::string planner = !arguments.planner.empty() ? arguments.planner
+                              : drawn                    ? "trees"
+                                                         : "wave";
+  if (drawn && planner == "wave") {
+    return absl::InvalidArgumentError(
+        "--planner wave needs the configuration space of a grid, and the robot images of this cell "
+        "are drawn: use rrtconnect or lbkpiece");
+  }
+  if (planner != "wave") {
     if (!arguments.picture.empty() || !arguments.truth.empty()) {
-      return absl::InvalidArgumentError(
-          "--picture and --truth need the configuration space of a grid, and the robot images of "
-          "this cell are drawn: plan without them");
+      return absl::InvalidArgumentError(absl::StrCat(
+          "--picture and --truth need the configuration space of a grid, and ",
+          drawn ? "the robot images of this cell are drawn" : absl::StrCat(planner, " uses none"),
+          ": plan without them"));
     }
-    return PlanDrawn(session, client, database, ParseConfiguration(arguments.start, session.unit),
-                     ParseConfiguration(arguments.goal, session.unit), arguments.out);
+    return PlanByMotions(session, client, database, planner,
+                         ParseConfiguration(arguments.start, session.unit),
+                         ParseConfiguration(arguments.goal, session.unit), arguments.out);
   }
   ASSIGN_OR_RETURN(Findings findings, FindPath(session, client, arguments));
   if (!arguments.truth.empty()) {
@@ -227,13 +239,18 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
 
 void AddPlanCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
-      "plan", "Plan a path by wave propagation on the configuration space, and check it");
+      "plan",
+      "Plan a path, by default by wave propagation on the configuration space, and check it");
   auto arguments = std::make_shared<PlanArguments>();
   command->add_option("start", arguments->start, "Joint values with commas between them")
       ->required();
   command->add_option("goal", arguments->goal, "Joint values with commas between them")->required();
   AddDegreesFlag(*command, session);
-  command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once");
+  command
+      ->add_option("--planner", arguments->planner,
+                   "wave (default of a grid), or OMPL's rrtconnect or lbkpiece")
+      ->check(CLI::IsMember({"wave", "rrtconnect", "lbkpiece"}));
+  command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once (wave)");
   command->add_option("--out", arguments->out,
                       "Write the path as JSON: configurations under the key \"waypoints\",\n"
                       "none if there is no path");
@@ -247,6 +264,7 @@ void AddPlanCommand(CLI::App& program, Session& session) {
       "A robot whose images are drawn has no grid: two trees of motions grow from start and goal,\n"
       "and the server checks each (RRT-Connect). A joint stays within the range of its values "
       "then.\n"
+      "OMPL's planners check motions in the client, and ask the server where it does not know.\n"
       "Exit code 0 if there is a path, 1 if not.\n\n"
       "Example:\n"
       "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"

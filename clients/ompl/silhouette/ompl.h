@@ -50,8 +50,8 @@ class JointStateSpace : public ompl::base::CompoundStateSpace {
 struct SpaceInformationOptions {
   // As SpaceSnapshot::CheckMotion has it.
   double path_resolution = 0.005;
-  // If set, asked for motions that the snapshot does not decide (CheckMotionOrAsk); by then it may
-  // have another scene. Must outlive the space information.
+  // If set, asked for what the snapshot does not decide (CheckMotionOrAsk); by then it may have
+  // another scene. Must outlive the space information.
   const LocalSpace* ask = nullptr;
 };
 

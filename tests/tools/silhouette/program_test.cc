@@ -268,6 +268,14 @@ TEST_F(Silhouette, PlanLeadsAroundTheWallAndIsJudgedByTheTruth) {
   EXPECT_EQ(path["waypoints"].front(), Json({0.0, 0.0}));
   EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 0);
   EXPECT_GT(cv::imread((cell_.shell().folder() / "configuration-space.png").string()).cols, 100);
+  for (const char* planner : {"rrtconnect", "lbkpiece"}) {
+    const Json other =
+        RunJson(std::string("plan 0.05,0.02 0.97,0.03 --out other.json --planner ") + planner, 0);
+    EXPECT_EQ(other["planner"], planner);
+    EXPECT_EQ(cell_.Run("path --file other.json").exit_code, 0);
+  }
+  EXPECT_THAT(cell_.Run("plan 0,0 1,0 --planner lbkpiece --picture none.png").err,
+              HasSubstr("lbkpiece uses none"));
   const Json diagonal = RunJson("plan 0.05,0.02 0.97,0.03 --diagonal", 0);
   EXPECT_LT(diagonal["length_steps"], plan["length_steps"]);
 }

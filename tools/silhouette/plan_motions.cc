@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/silhouette/plan_drawn.h"
+#include "tools/silhouette/plan_motions.h"
 
 #include <chrono>
 #include <utility>
@@ -11,12 +11,14 @@
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/formats/output.h"
+#include "tools/silhouette/plan_ompl.h"
 
 namespace silhouette {
 namespace {
 
 // What was found.
-struct DrawnPlan {
+struct MotionPlan {
+  std::string planner;
   client::ConfigurationChecks ends;
   JointSearch search;
   double search_ms = 0;
@@ -37,10 +39,12 @@ std::vector<GridJoint> JointsOf(const v1::GetDatabaseResponse& database) {
   return joints;
 }
 
-absl::StatusOr<DrawnPlan> FindDrawnPath(const Session& session, const Client& client,
-                                        const std::vector<GridJoint>& joints,
-                                        const Configuration& start, const Configuration& goal) {
-  DrawnPlan plan;
+absl::StatusOr<MotionPlan> FindByMotions(const Session& session, const Client& client,
+                                         const std::string& planner,
+                                         const std::vector<GridJoint>& joints,
+                                         const Configuration& start, const Configuration& goal) {
+  MotionPlan plan;
+  plan.planner = planner;
   ASSIGN_OR_RETURN(plan.ends, client.CheckConfigurations({start, goal}, session.policy));
   if (!plan.ends.verdicts[0].free() || !plan.ends.verdicts[1].free()) return plan;
   const auto is_free = [&](const Configuration& from,
@@ -50,7 +54,11 @@ absl::StatusOr<DrawnPlan> FindDrawnPath(const Session& session, const Client& cl
     return check.verdict.free();
   };
   const auto begin = std::chrono::steady_clock::now();
-  ASSIGN_OR_RETURN(plan.search, SearchJoints(joints, start, goal, {}, is_free, StopRequested));
+  if (planner == "trees") {
+    ASSIGN_OR_RETURN(plan.search, SearchJoints(joints, start, goal, {}, is_free, StopRequested));
+  } else {
+    ASSIGN_OR_RETURN(plan.search.waypoints, SearchByOmpl(session, client, planner, start, goal));
+  }
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
   plan.search_ms = taken.count();
   if (plan.search.waypoints.empty()) return plan;
@@ -60,15 +68,15 @@ absl::StatusOr<DrawnPlan> FindDrawnPath(const Session& session, const Client& cl
 }
 
 // Why there is no path; that there is one.
-std::string DrawnOutcome(const DrawnPlan& plan) {
+std::string MotionOutcome(const MotionPlan& plan) {
   for (size_t i = 0; i < 2; ++i) {
     if (plan.ends.verdicts[i].free()) continue;
     return absl::StrCat("the ", i == 0 ? "start" : "goal", " is ",
                         Spoken(plan.ends.verdicts[i], plan.ends.basis));
   }
   if (!plan.check) {
-    return absl::StrCat("none was found in ", plan.search.checks,
-                        " checks of motions; there may be one all the same");
+    return absl::StrFormat("none was found by %s in %.0f ms; there may be one all the same",
+                           plan.planner, plan.search_ms);
   }
   if (plan.found()) return "found";
   return absl::StrCat("the path found is not free at ", Spoken(plan.check->configuration), ": ",
@@ -76,10 +84,10 @@ std::string DrawnOutcome(const DrawnPlan& plan) {
                       "; has the scene changed? plan again");
 }
 
-Json DrawnPathJson(const DrawnPlan& plan, const std::vector<GridJoint>& joints) {
+Json MotionPathJson(const MotionPlan& plan, const std::vector<GridJoint>& joints) {
   Json names = Json::array();
   for (const GridJoint& joint : joints) names.push_back(joint.name);
-  Json json{{"joints", names}, {"outcome", DrawnOutcome(plan)}, {"waypoints", Json::array()}};
+  Json json{{"joints", names}, {"outcome", MotionOutcome(plan)}, {"waypoints", Json::array()}};
   if (!plan.found()) return json;
   json.update({{"waypoints", plan.search.waypoints},
                {"scene_id", plan.check->basis.scene_id},
@@ -87,11 +95,10 @@ Json DrawnPathJson(const DrawnPlan& plan, const std::vector<GridJoint>& joints) 
   return json;
 }
 
-std::string DrawnPlanText(const DrawnPlan& plan) {
-  if (!plan.found()) return absl::StrCat("no path: ", DrawnOutcome(plan), "\n");
-  std::string text =
-      absl::StrFormat("a path of %d waypoints, by %d checks of motions in %.0f ms\n",
-                      plan.search.waypoints.size(), plan.search.checks, plan.search_ms);
+std::string MotionPlanText(const MotionPlan& plan) {
+  if (!plan.found()) return absl::StrCat("no path: ", MotionOutcome(plan), "\n");
+  std::string text = absl::StrFormat("a path of %d waypoints, found by %s in %.3g ms\n",
+                                     plan.search.waypoints.size(), plan.planner, plan.search_ms);
   for (const Configuration& q : plan.search.waypoints)
     absl::StrAppend(&text, "  ", Spoken(q), "\n");
   return absl::StrCat(text, "free: ", plan.check->checked, " places checked, ",
@@ -100,23 +107,25 @@ std::string DrawnPlanText(const DrawnPlan& plan) {
 
 }  // namespace
 
-absl::StatusOr<ExitCode> PlanDrawn(const Session& session, const Client& client,
-                                   const v1::GetDatabaseResponse& database,
-                                   const Configuration& start, const Configuration& goal,
-                                   const std::string& out) {
+absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& client,
+                                       const v1::GetDatabaseResponse& database,
+                                       const std::string& planner, const Configuration& start,
+                                       const Configuration& goal, const std::string& out) {
   const std::vector<GridJoint> joints = JointsOf(database);
-  ASSIGN_OR_RETURN(const DrawnPlan plan, FindDrawnPath(session, client, joints, start, goal));
+  ASSIGN_OR_RETURN(const MotionPlan plan,
+                   FindByMotions(session, client, planner, joints, start, goal));
   if (!out.empty()) {
-    RETURN_IF_ERROR(WriteWholeFile(out, DrawnPathJson(plan, joints).dump(2) + "\n"));
+    RETURN_IF_ERROR(WriteWholeFile(out, MotionPathJson(plan, joints).dump(2) + "\n"));
   }
   Json json{{"found", plan.found()},
-            {"outcome", DrawnOutcome(plan)},
+            {"outcome", MotionOutcome(plan)},
             {"path_waypoints", plan.found() ? plan.search.waypoints.size() : 0},
-            {"motions_checked", plan.search.checks},
+            {"planner", plan.planner},
+            {"motions_checked", planner == "trees" ? Json(plan.search.checks) : Json()},
             {"search_ms", plan.search_ms},
             {"places_checked", plan.check ? Json(plan.check->checked) : Json()}};
   json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
-  PrintResult(session.format, json, DrawnPlanText(plan));
+  PrintResult(session.format, json, MotionPlanText(plan));
   return plan.found() ? kDone : kNo;
 }
 
