@@ -25,6 +25,7 @@ void AddPlacementCommand(CLI::App& program, Run& run);
 void AddSegmentationCommand(CLI::App& program, Run& run);
 void AddStillCommand(CLI::App& program, Run& run);
 void AddFaultsCommand(CLI::App& program, Run& run);
+void AddPeopleCommand(CLI::App& program, Run& run);
 
 // When `command` is chosen, `run` makes the folder `arguments->out`, if there is such an option and
 // it is given, and does `work`. An error is printed on stderr.

@@ -17,7 +17,8 @@ int main(int argc, char** argv) {
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out\n"
       "  silhouette-experiments segmentation --cell cell.yaml --scenes 20\n"
       "  silhouette-experiments faults --cell cell.yaml --minutes 60\n"
-      "  silhouette-experiments still --cell cell.yaml --database cell.lmdb\n\n"
+      "  silhouette-experiments still --cell cell.yaml --database cell.lmdb\n"
+      "  silhouette-experiments people --cell cell.yaml --database cell.lmdb --out out\n\n"
       "Exit codes: 0 done, 2 a mistake in the arguments or files, 3 the world failed.");
   silhouette::Run run;
   silhouette::AddPaperCommand(app, run);
@@ -27,5 +28,6 @@ int main(int argc, char** argv) {
   silhouette::AddSegmentationCommand(app, run);
   silhouette::AddStillCommand(app, run);
   silhouette::AddFaultsCommand(app, run);
+  silhouette::AddPeopleCommand(app, run);
   return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
 }

@@ -151,6 +151,13 @@ absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
   return database;
 }
 
+absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenUncaptured(
+    const std::string& path) const {
+  ASSIGN_OR_RETURN(auto database, OpenOrCreate(path, cell_));
+  RETURN_IF_ERROR(Calibrate(*database));
+  return database;
+}
+
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     const Database& database, const ServeSettings& settings) const {
   TreatmentSettings treatments;
@@ -169,6 +176,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     cell.sound->least_obstacle = *settings.least_obstacle;
     cell.sound->voxel_edge.reset();
   }
+  if (settings.separation) cell.separation = settings.separation;
   ASSIGN_OR_RETURN(const auto sound, SoundCellOf(cell));
   LoadSettings load{.calibration = settings.calibration};
   if (settings.drawn) {

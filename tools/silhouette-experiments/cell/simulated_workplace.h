@@ -26,6 +26,8 @@ struct ServeSettings {
   std::optional<double> margin;
   // Metres; in place of the cell's own. The model is then taken for all there is of the robot.
   std::optional<double> least_obstacle;
+  // Speed and separation, in place of the cell's own; needs a least obstacle.
+  std::optional<SeparationCell> separation;
   // In place of the database's.
   std::optional<Calibration> calibration;
   // What robot images are drawn from; nothing: they are those of the database.
@@ -61,6 +63,9 @@ class SimulatedWorkplace {
   // captured is stored.
   absl::StatusOr<std::unique_ptr<Database>> OpenOrCapture(const std::string& path,
                                                           const CaptureObserver& observer) const;
+
+  // The same without capture: for robot images that are drawn.
+  absl::StatusOr<std::unique_ptr<Database>> OpenUncaptured(const std::string& path) const;
 
   // The database as the server of the cell's file serves it.
   absl::StatusOr<std::shared_ptr<const ServedDatabase>> Serve(const Database& database,

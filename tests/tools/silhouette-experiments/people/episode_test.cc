@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Episodes in a small cell, with drawn robot images.
+#include "tools/silhouette-experiments/people/episode.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <memory>
+
+#include "tests/capture/session/program_cell.h"
+#include "tools/silhouette-experiments/people/figures.h"
+#include "tools/silhouette-experiments/people/study.h"
+
+namespace silhouette::people_experiment {
+namespace {
+
+class PeopleTest : public testing::Test {
+ protected:
+  PeopleTest() {
+    auto loaded = SimulatedWorkplace::Load(files_.cell());
+    EXPECT_TRUE(loaded.ok()) << loaded.status();
+    workplace_ = std::make_unique<SimulatedWorkplace>(*std::move(loaded));
+    auto database = workplace_->OpenUncaptured(files_.database());
+    EXPECT_TRUE(database.ok()) << database.status();
+    cell_experiment::ServeSettings serve;
+    serve.drawn = PartSettings();
+    auto served = workplace_->Serve(**database, serve);
+    EXPECT_TRUE(served.ok()) << served.status();
+    auto stage = Stage::Make(*workplace_, *served);
+    EXPECT_TRUE(stage.ok()) << stage.status();
+    stage_ = std::make_unique<Stage>(*std::move(stage));
+  }
+
+  Counts Run(const std::string& method, int episode) const {
+    auto counts = RunEpisode(*stage_, settings_, episode, method);
+    EXPECT_TRUE(counts.ok()) << counts.status();
+    return counts.ok() ? *counts : Counts();
+  }
+  std::vector<EpisodeResult> RunAll(const Study& study) const {
+    auto results = RunStudy(
+        *stage_, study, [](size_t) {}, [] { return false; });
+    EXPECT_TRUE(results.ok()) << results.status();
+    return results.ok() ? *results : std::vector<EpisodeResult>();
+  }
+  static std::string Text(std::vector<EpisodeResult> results) {
+    std::string text;
+    for (EpisodeResult& result : results) {
+      result.counts.processor_seconds = 0;
+      text += result.method + result.counts.ToJson().dump() + "\n";
+    }
+    return text;
+  }
+
+  ProgramCell files_;
+  std::unique_ptr<SimulatedWorkplace> workplace_;
+  std::unique_ptr<Stage> stage_;
+  EpisodeSettings settings_{.seconds = 15, .seed = 5};
+};
+
+TEST_F(PeopleTest, TheOracleTouchesNobodyWhileItMovesAndWorks) {
+  Counts all;
+  for (int episode = 0; episode < 3; ++episode) all.Add(Run("oracle", episode));
+  EXPECT_EQ(all.contacts_moving, 0);
+  EXPECT_GT(all.people_seconds, 0);
+  EXPECT_GT(all.cycles, 0);
+}
+
+TEST_F(PeopleTest, TheCurtainIsToldToStandAsSoonAsSomebodyIsInside) {
+  Counts all;
+  for (int episode = 0; episode < 3; ++episode) all.Add(Run("light_curtain", episode));
+  EXPECT_EQ(all.contacts_moving, 0);
+  EXPECT_GT(all.standing, 0.5 * all.people_seconds);
+  for (const double reaction : all.reactions) EXPECT_LE(reaction, 0.1 + 1e-9) << "one decision";
+}
+
+TEST_F(PeopleTest, TheSameSeedGivesTheSameResultAndAnotherDoesNot) {
+  settings_.seconds = 6;
+  const auto text = [&](const Counts& counts) { return Text({{0, "", counts}}); };
+  const std::string first = text(Run("uncalibrated", 1));
+  EXPECT_EQ(text(Run("uncalibrated", 1)), first);
+  EXPECT_NE(text(Run("uncalibrated", 2)), first);
+}
+
+TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
+  settings_.seconds = 4;
+  Study study{.episode = settings_,
+              .episodes = 3,
+              .methods = {"light_curtain", "uncalibrated"},
+              .file = "",
+              .basis = "small"};
+  const std::string unbroken = Text(RunAll(study));
+  study.file = files_ / "episodes.jsonl";
+  size_t done = 0;
+  const auto stopped = RunStudy(
+      *stage_, study, [&](size_t count) { done = count; }, [&] { return done >= 2; });
+  EXPECT_EQ(stopped.status().code(), absl::StatusCode::kCancelled);
+  std::ofstream(study.file, std::ios::app) << R"({"episode":2,"method":"unca)";
+  EXPECT_EQ(Text(RunAll(study)), unbroken);
+  EXPECT_EQ(Text(RunAll(study)), unbroken) << "read from the file alone";
+
+  ++study.episode.seed;
+  EXPECT_EQ(RunStudy(
+                *stage_, study, [](size_t) {}, [] { return false; })
+                .status()
+                .code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_F(PeopleTest, JsonNamesTheMethodsAndTheirFigures) {
+  settings_.seconds = 2;
+  const std::vector<std::string> methods = {"light_curtain", "oracle"};
+  const auto results =
+      RunAll({.episode = settings_, .episodes = 2, .methods = methods, .file = "", .basis = ""});
+  const nlohmann::ordered_json json = JsonOf(FiguresOf(results, methods));
+  ASSERT_EQ(json["methods"].size(), 2u);
+  EXPECT_EQ(json["methods"][0]["name"], "light_curtain");
+  for (const auto& method : json["methods"]) {
+    for (const char* key : {"name", "cycles_per_hour", "contacts_moving", "contacts", "episodes"}) {
+      EXPECT_TRUE(method.contains(key)) << key;
+    }
+    EXPECT_EQ(method["episodes"], 2);
+  }
+}
+
+TEST_F(PeopleTest, MasksShowEveryPointOfPeopleAndRobot) {
+  Chance chance(4);
+  const Person person({{.position = {0.9, 0.3}, .direction = 3, .reach = 0.8, .carries = true}}, 0);
+  const std::vector<PlacedShape> parts = person.PartsAt(0);
+  const Configuration q = stage_->stations().front();
+  TrueMasks drawer(stage_->robot(), nullptr, {.missed = 0, .added = 0});
+  const std::vector<Mask> masks = drawer.Draw(q, parts, chance);
+  const Calibration calibration = workplace_->TrueCalibration();
+  for (size_t view = 0; view < masks.size(); ++view) {
+    const MaskSize size = masks[view].size();
+    const CameraModel camera = calibration.cameras[view].ScaledTo(size.width, size.height);
+    int seen = 0;
+    for (int i = 0; i < 2000; ++i) {
+      const PlacedShape& part = parts[chance.Index(parts.size())];
+      const Eigen::Vector3d share(chance.Uniform(-1, 1), chance.Uniform(-1, 1),
+                                  chance.Uniform(-1, 1));
+      const Eigen::Vector3d point =
+          part.world_from_shape *
+          (part.shape.half.cwiseProduct(share) + part.shape.radius * chance.Direction());
+      const auto pixel = camera.Project(point);
+      if (!pixel) continue;
+      const int x = static_cast<int>(std::floor(pixel->x() + 0.5));
+      const int y = static_cast<int>(std::floor(pixel->y() + 0.5));
+      if (x < 0 || y < 0 || x >= size.width || y >= size.height) continue;
+      ++seen;
+      ASSERT_TRUE(masks[view].at(x, y)) << "view " << view << ", " << x << " " << y;
+    }
+    EXPECT_GT(seen, 100);
+  }
+}
+
+}  // namespace
+}  // namespace silhouette::people_experiment

@@ -1,0 +1,289 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-experiments/people/episode.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <optional>
+#include <utility>
+
+#include "db/status/status_macros.h"
+#include "server/scene/make_scene.h"
+
+namespace silhouette::people_experiment {
+namespace {
+
+// Seconds: of truth, two of them a decision; of picking or placing; between two plans.
+constexpr double kTick = 0.05;
+constexpr int kTicksOfDecision = 2;
+constexpr double kDwell = 0.5;
+constexpr int kDecisionsOfPlan = 3;
+// Where the stations are, as shares of the joints' ranges.
+constexpr double kFirstStation = 0.25;
+constexpr double kSecondStation = 0.75;
+constexpr double kOtherJoints = 0.4;
+
+double ThreadSeconds() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+// A number of a stream of chance: unrelated ones for all arguments.
+uint64_t StreamOf(uint64_t seed, uint64_t episode, uint64_t use) {
+  uint64_t mixed = seed * 0x9E3779B97F4A7C15 + episode * 0xBF58476D1CE4E5B9 + use;
+  for (int i = 0; i < 2; ++i) {
+    mixed = (mixed ^ mixed >> 31) * 0x94D049BB133111EB;
+  }
+  return mixed ^ mixed >> 29;
+}
+
+class Episode {
+ public:
+  Episode(const Stage& stage, const EpisodeSettings& settings, int episode, Method& method)
+      : stage_(stage),
+        settings_(settings),
+        method_(method),
+        people_(PeopleOf(stage, settings, episode)),
+        times_(people_.size(), 0),
+        truth_(stage.workplace(), stage.robot(), people_.size()),
+        masks_(stage.robot(),
+               stage.database()->robot_images().drawn() == nullptr
+                   ? &stage.database()->robot_images()
+                   : nullptr,
+               settings.errors),
+        chance_(StreamOf(settings.seed, static_cast<uint64_t>(episode), 2)),
+        robot_(
+            stage.stations().front(),
+            [this](auto from, auto to) { return MovementOf(stage_.robot(), from, to); },
+            stage.rule().acceleration) {}
+
+  absl::StatusOr<Counts> Run() {
+    const double began = ThreadSeconds();
+    counts_.episodes = 1;
+    const auto ticks = static_cast<int64_t>(std::round(settings_.seconds / kTick));
+    for (int64_t tick = 0; tick < ticks; ++tick) {
+      now_ = kTick * static_cast<double>(tick);
+      truth_.Set(people_, times_);
+      if (tick % kTicksOfDecision == 0) RETURN_IF_ERROR(Decide());
+      Count();
+      Move();
+    }
+    NoteReaction();
+    counts_.processor_seconds = ThreadSeconds() - began;
+    return counts_;
+  }
+
+ private:
+  static std::vector<Person> PeopleOf(const Stage& stage, const EpisodeSettings& settings,
+                                      int episode) {
+    Chance chance(StreamOf(settings.seed, static_cast<uint64_t>(episode), 1));
+    return RandomPeople(chance,
+                        {.seconds = settings.seconds,
+                         .fence = stage.rule().Fence(),
+                         .floor = stage.workplace().simulation().settings().room.lower.z()});
+  }
+
+  Moment MomentAt(double seconds) const {
+    return {absl::UnixEpoch() + absl::Seconds(seconds), absl::Seconds(seconds)};
+  }
+
+  absl::StatusOr<SharedScene> Look() {
+    const Cell& cell = stage_.workplace().cell();
+    const Moment moment = MomentAt(now_);
+    SceneInput input;
+    for (size_t j = 0; j < robot_.at().size(); ++j) {
+      input.joints.push_back({cell.grid.joints()[j].name, robot_.at()[j]});
+    }
+    for (const FixedJoint& joint : cell.fixed_joints) {
+      input.joints.push_back({joint.name, joint.position});
+    }
+    const std::vector<Mask> masks = masks_.Draw(robot_.at(), truth_.parts(), chance_);
+    for (size_t view = 0; view < masks.size(); ++view) {
+      input.views.push_back({.view = stage_.database()->view_name(static_cast<int>(view)),
+                             .captured = moment,
+                             .image = SceneMask{.mask = masks[view]}});
+    }
+    ASSIGN_OR_RETURN(Scene scene, MakeScene(*stage_.database(), input, cell.server.scene,
+                                            cell.segmentation, moment));
+    return std::make_shared<const Scene>(std::move(scene));
+  }
+
+  Situation Now(const Checker* checker) {
+    const SpeedRule& rule = stage_.rule();
+    return {.robot = robot_,
+            .truth = truth_,
+            .checker = checker,
+            .inside_fence = AnyInside(people_, times_, rule.Fence()),
+            .inside_inner_fence = AnyInside(people_, times_, rule.InnerFence())};
+  }
+
+  const Configuration& Goal() const { return stage_.stations()[goal_]; }
+
+  absl::Status Decide() {
+    const SharedScene scene = std::exchange(seen_, nullptr);
+    decision_ = {};
+    // While it picks or places until after the next decision, nobody has to look.
+    const double period = stage_.rule().period;
+    if (method_.policy() && now_ + 2 * period > dwells_until_) {
+      ASSIGN_OR_RETURN(seen_, Look());
+    }
+    if (now_ < dwells_until_) return absl::OkStatus();
+    std::optional<Checker> checker;
+    if (scene) {
+      checker.emplace(
+          Served{.database = stage_.database(), .scene = scene, .without_scene = Reason::kNone},
+          *method_.policy(), stage_.workplace().cell().server.scene, MomentAt(now_));
+    }
+    const Situation situation = Now(checker ? &*checker : nullptr);
+    const bool arrived_short = robot_.left() == 0;
+    if (!arrived_short) decision_ = method_.Decide(situation);
+    const bool blocked = arrived_short || decision_.speed == 0;
+    since_plan_ += 1;
+    if (!blocked || !robot_.stands() || since_plan_ < kDecisionsOfPlan) return absl::OkStatus();
+    std::vector<Configuration> way = method_.Plan(situation, stage_.database()->grid(), Goal());
+    since_plan_ = 0;
+    if (way.size() < 2) return absl::OkStatus();
+    robot_.Follow(std::move(way));
+    decision_ = method_.Decide(situation);
+    return absl::OkStatus();
+  }
+
+  bool AtGoal() const { return MovementOf(stage_.robot(), robot_.at(), Goal()) < kSamePlace; }
+
+  // Robot and people, until the next tick.
+  void Move() {
+    const bool moved = !robot_.stands();
+    robot_.Advance(kTick, decision_.speed);
+    if (now_ >= dwells_until_ && robot_.stands() && AtGoal()) {
+      counts_.cycles += 0.5;
+      goal_ = (goal_ + 1) % stage_.stations().size();
+      dwells_until_ = now_ + kDwell;
+      since_plan_ = kDecisionsOfPlan;
+    } else if (moved && robot_.stands()) {
+      ++counts_.stops;
+    }
+    for (size_t i = 0; i < people_.size(); ++i) {
+      if (!settings_.people_stop || MayStep(i)) times_[i] += kTick;
+    }
+  }
+
+  bool MayStep(size_t person) {
+    Truth then(stage_.workplace(), stage_.robot(), 0);
+    const std::vector<double> next = {times_[person] + kTick};
+    then.Set({&people_[person], 1}, next);
+    return then.AtLeast(robot_.at()) > kPeopleStop;
+  }
+
+  void Count() {
+    counts_.seconds += kTick;
+    const Situation now = Now(nullptr);
+    if (now.inside_fence) counts_.people_seconds += kTick;
+    const bool moving = !robot_.stands();
+    const bool touches = truth_.Touches(robot_.at());
+    if (touches && !touches_) {
+      ++counts_.contacts;
+      moved_in_contact_ = false;
+    }
+    if (touches && moving && !std::exchange(moved_in_contact_, true)) ++counts_.contacts_moving;
+    touches_ = touches;
+    if (!moving) {
+      NoteReaction();
+      if (now_ >= dwells_until_) counts_.standing += kTick;
+      return;
+    }
+    counts_.moving += kTick;
+    const double far = Counts::kBin * static_cast<double>(Counts::kBins);
+    const double distance = truth_.Distance(robot_.at(), far);
+    const auto bin = static_cast<size_t>(distance / Counts::kBin);
+    counts_.distances[std::min(bin, Counts::kBins - 1)] += kTick;
+    counts_.least_over_stopping =
+        std::min(counts_.least_over_stopping, distance - robot_.StoppingDistance());
+    if (decision_.leaves) counts_.leaving += kTick;
+    const bool too_fast = !decision_.leaves && decision_.speed > method_.AllowedInTruth(now);
+    if (too_fast) {
+      counts_.too_fast += kTick;
+      reaction_ += kTick;
+    } else {
+      NoteReaction();
+    }
+  }
+
+  void NoteReaction() {
+    if (reaction_ > 0) counts_.reactions.push_back(reaction_);
+    reaction_ = 0;
+  }
+
+  static constexpr double kSamePlace = 0.001;  // metres
+
+  const Stage& stage_;
+  const EpisodeSettings& settings_;
+  Method& method_;
+  const std::vector<Person> people_;
+  std::vector<double> times_;  // of their scripts
+  Truth truth_;
+  TrueMasks masks_;
+  Chance chance_;
+  PathFollower robot_;
+  Counts counts_;
+  double now_ = 0;
+  SharedScene seen_;  // for the next decision
+  Decision decision_;
+  size_t goal_ = 1;
+  double dwells_until_ = 0;
+  int since_plan_ = kDecisionsOfPlan;
+  bool touches_ = false;
+  bool moved_in_contact_ = false;
+  double reaction_ = 0;
+};
+
+}  // namespace
+
+double ReachOf(const SimulatedWorkplace& workplace) {
+  const std::vector<BodyPart> parts = BodyPartsOf(workplace.robot());
+  const ConfigurationGrid& grid = workplace.cell().grid;
+  // The first joint turns the arm about the base's axis at most, or it counts as the others.
+  constexpr ConfigurationNumber kPlaces = 2000;
+  const ConfigurationNumber step = std::max<ConfigurationNumber>(1, grid.number_limit() / kPlaces);
+  double reach = 0;
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); number += step) {
+    if (!grid.Contains(number)) continue;
+    const Poses poses = workplace.LinkPoses(grid.At(number));
+    for (const BodyPart& part : parts) {
+      for (const Eigen::Vector3d& vertex : part.mesh.vertices) {
+        reach = std::max(reach, (poses[part.frame] * vertex).head<2>().norm());
+      }
+    }
+  }
+  return reach;
+}
+
+Stage::Stage(const SimulatedWorkplace& workplace, std::shared_ptr<const ServedDatabase> database,
+             DrawnRobot robot, SpeedRule rule)
+    : workplace_(&workplace),
+      database_(std::move(database)),
+      robot_(std::move(robot)),
+      rule_(std::move(rule)) {
+  for (const double share : {kFirstStation, kSecondStation}) {
+    Configuration station;
+    for (const GridJoint& joint : database_->grid().joints()) {
+      const double place = station.empty() ? share : kOtherJoints;
+      station.push_back(joint.lower + place * (joint.upper - joint.lower));
+    }
+    stations_.push_back(std::move(station));
+  }
+}
+
+absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,
+                                  std::shared_ptr<const ServedDatabase> database) {
+  ASSIGN_OR_RETURN(DrawnRobot robot, TrueRobot(workplace, database->robot_images().mask_sizes()));
+  return Stage(workplace, std::move(database), std::move(robot), DefaultRule(ReachOf(workplace)));
+}
+
+absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
+                                  const std::string& method) {
+  const std::unique_ptr<Method> chosen = MakeMethod(method, stage.rule());
+  return Episode(stage, settings, episode, *chosen).Run();
+}
+
+}  // namespace silhouette::people_experiment

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// An episode: the robot picks and places while people walk about.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/scene/served_database.h"
+#include "tools/silhouette-experiments/people/counts.h"
+#include "tools/silhouette-experiments/people/method.h"
+
+namespace silhouette::people_experiment {
+
+struct EpisodeSettings {
+  double seconds = 60;
+  uint64_t seed = 1;
+  // People stand still while their next step would bring them nearer to the robot than kPeopleStop.
+  bool people_stop = false;
+  SegmentationErrors errors{};
+};
+inline constexpr double kPeopleStop = 0.15;  // metres
+
+// What episodes share. Used by any number of threads.
+class Stage {
+ public:
+  // Metres; radius about the base, beyond which the robot does not reach.
+  static absl::StatusOr<Stage> Make(const SimulatedWorkplace& workplace,
+                                    std::shared_ptr<const ServedDatabase> database);
+
+  const SimulatedWorkplace& workplace() const { return *workplace_; }
+  const std::shared_ptr<const ServedDatabase>& database() const { return database_; }
+  const DrawnRobot& robot() const { return robot_; }
+  const SpeedRule& rule() const { return rule_; }
+  // The robot goes from the one to the other and back.
+  const std::vector<Configuration>& stations() const { return stations_; }
+
+ private:
+  Stage(const SimulatedWorkplace& workplace, std::shared_ptr<const ServedDatabase> database,
+        DrawnRobot robot, SpeedRule rule);
+
+  const SimulatedWorkplace* workplace_;
+  std::shared_ptr<const ServedDatabase> database_;
+  DrawnRobot robot_;
+  SpeedRule rule_;
+  std::vector<Configuration> stations_;
+};
+
+// Radius about the base's axis within which the whole robot always is, metres.
+double ReachOf(const SimulatedWorkplace& workplace);
+
+// The same arguments give the same result, but for processor_seconds. Errors of MakeScene.
+absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
+                                  const std::string& method);
+
+}  // namespace silhouette::people_experiment

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-experiments/people/method.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "clients/planners/wave_propagation.h"
+#include "server/scene/configuration_space.h"
+
+namespace silhouette::people_experiment {
+namespace {
+
+constexpr char kCurtain[] = "light_curtain";
+constexpr char kScanner[] = "zone_scanner";
+constexpr char kOracle[] = "oracle";
+constexpr char kSilhouette[] = "silhouette";
+
+// A way leads away if on its next metres the distance grows by the one, and falls nowhere by more
+// than the other: that much it varies from voxel to voxel. Metres.
+constexpr double kWayOut = 0.3;
+constexpr double kGain = 0.03;
+constexpr double kSameDistance = 0.02;
+// Who is nearer than this may be touched by a robot that turns away.
+constexpr double kLeastToLeave = 0.05;
+
+// Between places at which the oracle looks, metres.
+constexpr double kOracleStep = 0.1;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+class LightCurtain : public Method {
+ public:
+  using Method::Method;
+  Decision Decide(const Situation& now) override { return {AllowedInTruth(now)}; }
+  double AllowedInTruth(const Situation& now) const override {
+    return now.inside_fence ? 0 : rule().fastest().speed;
+  }
+};
+
+class ZoneScanner : public Method {
+ public:
+  using Method::Method;
+  Decision Decide(const Situation& now) override { return {AllowedInTruth(now)}; }
+  double AllowedInTruth(const Situation& now) const override {
+    if (now.inside_inner_fence) return 0;
+    return now.inside_fence ? rule().separation.levels.front().speed : rule().fastest().speed;
+  }
+};
+
+// Moves at full speed where the next piece of its path is free, else not at all.
+class PathWatch : public Method {
+ public:
+  PathWatch(const SpeedRule& rule, Preset preset) : Method(rule), policy_{.preset = preset} {}
+
+  std::optional<Policy> policy() const override { return policy_; }
+  Decision Decide(const Situation& now) override {
+    if (now.checker == nullptr) return {};
+    const SpeedLevel& level = rule().fastest();
+    const double next = level.speed * rule().period + level.stopping_distance;
+    const bool free = now.checker->CheckPath(now.robot.Ahead(next)).verdict.free();
+    return {free ? level.speed : 0};
+  }
+  std::vector<Configuration> Plan(const Situation& now, const ConfigurationGrid& grid,
+                                  const Configuration& goal) override {
+    if (now.checker == nullptr) return {};
+    const Checker& checker = *now.checker;
+    const std::vector<Configuration> direct = {now.robot.at(), goal};
+    if (checker.CheckPath(direct).verdict.free()) return direct;
+    const ConfigurationSpace space(checker.served(), policy_);
+    const FreeSpace free{
+        .point = [&](ConfigurationNumber number) { return space.state(number) == State::kFree; },
+        .configuration = [&](std::span<const double> q) { return checker.Check(q).free(); },
+        .move =
+            [&](ConfigurationNumber from, ConfigurationNumber to) {
+              const std::vector<Configuration> way = {grid.At(from), grid.At(to)};
+              return checker.CheckPath(way).verdict.free();
+            }};
+    return PlanByWavePropagation(grid, free, now.robot.at(), goal, {.moves = Moves::kDiagonals})
+        .waypoints;
+  }
+
+ private:
+  const Policy policy_;
+};
+
+// Moves as fast as the speed levels keep their protective distances.
+class SpeedLevels : public Method {
+ public:
+  explicit SpeedLevels(const SpeedRule& rule)
+      : Method(rule), protective_(rule.ProtectiveDistances()) {}
+
+  Decision Decide(const Situation& now) override {
+    const std::vector<SpeedLevel>& levels = rule().separation.levels;
+    for (size_t level = levels.size(); level-- > 0;) {
+      const auto way = Along(now, now.robot.Ahead(levels[level].speed * rule().period));
+      if (!way) return {};
+      if (way->distance >= protective_[level]) return {levels[level].speed};
+    }
+    if (LeadsAway(now, now.robot.Ahead(kWayOut))) return {levels.front().speed, true};
+    return {};
+  }
+
+  std::vector<Configuration> Plan(const Situation& now, const ConfigurationGrid& grid,
+                                  const Configuration& goal) override {
+    const std::vector<Configuration> direct = {now.robot.at(), goal};
+    const auto along = Along(now, direct);
+    if (!along) return {};
+    if (along->distance >= protective_.front()) return direct;
+    const auto keeps = [&](std::span<const double> q) { return At(now, q) >= protective_.front(); };
+    const FreeSpace free{
+        .point = [&](ConfigurationNumber number) { return keeps(grid.At(number)); },
+        .configuration = keeps};
+    silhouette::Plan plan =
+        PlanByWavePropagation(grid, free, now.robot.at(), goal, {.moves = Moves::kDiagonals});
+    if (plan.found()) return plan.waypoints;
+    // As far as people permit; or out of their way.
+    return along->at_start >= protective_.front() ? direct : WayOut(now, grid);
+  }
+
+  double AllowedInTruth(const Situation& now) const override {
+    const double distance = now.truth.Distance(now.robot.at(), protective_.back());
+    const size_t kept = LevelsKept(protective_, distance);
+    return kept == 0 ? 0 : rule().separation.levels[kept - 1].speed;
+  }
+
+ protected:
+  // Metres; nothing: not known.
+  virtual std::optional<PathDistance> Along(const Situation& now,
+                                            const std::vector<Configuration>& way) const = 0;
+  virtual double At(const Situation& now, std::span<const double> q) const = 0;
+  const std::vector<double>& protective() const { return protective_; }
+
+ private:
+  bool LeadsAway(const Situation& now, const std::vector<Configuration>& way) const {
+    if (way.size() < 2) return false;
+    const auto along = Along(now, way);
+    return along && along->at_start > kLeastToLeave &&
+           along->distance >= along->at_start - kSameDistance &&
+           At(now, way.back()) >= along->at_start + kGain;
+  }
+  // From one grid point to the neighbour that is farthest from everybody, and on.
+  std::vector<Configuration> WayOut(const Situation& now, const ConfigurationGrid& grid) const {
+    constexpr int kMostSteps = 6;
+    std::vector<Configuration> way = {now.robot.at()};
+    double farthest = At(now, way.back());
+    auto here = grid.IndexOf(*grid.Nearest(way.back()));
+    for (int step = 0; step < kMostSteps && here; ++step) {
+      auto next = here;
+      for (int joint = 0; joint < grid.dimensions(); ++joint) {
+        for (const int delta : {-1, 1}) {
+          const auto neighbour = grid.Neighbour(*here, joint, delta);
+          if (!neighbour) continue;
+          const double distance = At(now, grid.At(grid.NumberOf(*neighbour)));
+          if (distance <= farthest) continue;
+          farthest = distance;
+          next = neighbour;
+        }
+      }
+      if (next == here) break;
+      here = next;
+      way.push_back(grid.At(grid.NumberOf(*here)));
+    }
+    return way.size() > 1 ? way : std::vector<Configuration>();
+  }
+
+  const std::vector<double> protective_;
+};
+
+class Oracle : public SpeedLevels {
+ public:
+  using SpeedLevels::SpeedLevels;
+
+ protected:
+  std::optional<PathDistance> Along(const Situation& now,
+                                    const std::vector<Configuration>& way) const override {
+    PathDistance path;
+    path.distance = path.at_start = Exact(now, way.front());
+    for (size_t i = 1; i < way.size(); ++i) {
+      const double steps = std::ceil(now.robot.MovementOf(way[i - 1], way[i]) / kOracleStep);
+      for (double step = 1; step <= steps; ++step) {
+        Configuration q = way[i - 1];
+        for (size_t j = 0; j < q.size(); ++j) q[j] += step / steps * (way[i][j] - q[j]);
+        path.distance = std::min(path.distance, Exact(now, q));
+      }
+    }
+    return path;
+  }
+  // Of the many places that are looked at in planning, by balls.
+  double At(const Situation& now, std::span<const double> q) const override {
+    return now.truth.AtLeast(q);
+  }
+
+ private:
+  double Exact(const Situation& now, std::span<const double> q) const {
+    return now.truth.Distance(q, protective().back());
+  }
+};
+
+// Distances from the possible space of the newest scene.
+class Silhouette : public SpeedLevels {
+ public:
+  using SpeedLevels::SpeedLevels;
+  std::optional<Policy> policy() const override { return Policy{}; }
+
+ protected:
+  std::optional<PathDistance> Along(const Situation& now,
+                                    const std::vector<Configuration>& way) const override {
+    if (now.checker == nullptr) return std::nullopt;
+    return now.checker->Distance(way, std::nullopt);
+  }
+  double At(const Situation& now, std::span<const double> q) const override {
+    const auto distance = Along(now, {Configuration(q.begin(), q.end())});
+    return distance ? distance->at_start : 0;
+  }
+};
+
+}  // namespace
+
+std::vector<double> SpeedRule::ProtectiveDistances() const {
+  std::vector<double> distances;
+  for (const SpeedLevel& level : separation.levels) {
+    distances.push_back(ProtectiveDistance(separation, level, latency + period));
+  }
+  return distances;
+}
+
+SpeedRule DefaultRule(double reach) {
+  SpeedRule rule;
+  rule.reach = reach;
+  rule.separation.reaction_time = 0;
+  for (const auto& [name, speed] :
+       {std::pair{"slow", 0.25}, {"reduced", 0.5}, {"medium", 0.8}, {"full", 1.2}}) {
+    rule.separation.levels.push_back({.name = name,
+                                      .speed = speed,
+                                      .stopping_time = speed / rule.acceleration,
+                                      .stopping_distance = speed * speed / 2 / rule.acceleration});
+  }
+  return rule;
+}
+
+std::vector<Configuration> Method::Plan(const Situation& situation, const ConfigurationGrid&,
+                                        const Configuration& goal) {
+  return {situation.robot.at(), goal};
+}
+
+double Method::AllowedInTruth(const Situation&) const { return kInfinity; }
+
+const std::vector<std::string>& MethodNames() {
+  static const std::vector<std::string> names = {kCurtain,
+                                                 kScanner,
+                                                 kOracle,
+                                                 NameOf(Preset::kPaper),
+                                                 NameOf(Preset::kUncalibrated),
+                                                 NameOf(Preset::kSound),
+                                                 kSilhouette};
+  return names;
+}
+
+absl::Status CanRun(const std::string& name, const ServedDatabase& database) {
+  if (std::ranges::count(MethodNames(), name) == 0) {
+    return absl::InvalidArgumentError(absl::StrCat("there is no method '", name, "'; there are ",
+                                                   absl::StrJoin(MethodNames(), ", ")));
+  }
+  if (const auto preset = PresetFromName(name)) return database.CanServe({.preset = *preset});
+  if (name == kSilhouette && database.separation() == nullptr) {
+    return absl::FailedPreconditionError(
+        "the method 'silhouette' needs camera models in the database");
+  }
+  return absl::OkStatus();
+}
+
+std::unique_ptr<Method> MakeMethod(const std::string& name, const SpeedRule& rule) {
+  if (name == kCurtain) return std::make_unique<LightCurtain>(rule);
+  if (name == kScanner) return std::make_unique<ZoneScanner>(rule);
+  if (name == kOracle) return std::make_unique<Oracle>(rule);
+  if (name == kSilhouette) return std::make_unique<Silhouette>(rule);
+  return std::make_unique<PathWatch>(rule, PresetFromName(name).value());
+}
+
+}  // namespace silhouette::people_experiment

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// What decides how fast the robot may go while people are about, and where: a light curtain, a
+// scanner of two zones, an oracle, the presets, and distances from the possible space.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "server/collision/separation.h"
+#include "server/scene/checker.h"
+#include "server/scene/served_database.h"
+#include "tools/silhouette-experiments/people/motion.h"
+#include "tools/silhouette-experiments/people/truth.h"
+
+namespace silhouette::people_experiment {
+
+// What all methods share. Metres, seconds.
+struct SpeedRule {
+  SeparationSettings separation;
+  double acceleration = 4;  // of the fastest point; all stopping is done with it
+  double period = 0.1;      // from decision to decision
+  double latency = 0.1;     // from images to the decision that rests on them
+  double reach = 0;         // of the robot: radius about its base
+
+  const SpeedLevel& fastest() const { return separation.levels.back(); }
+  // By level, slow ones first. A decision rests on images up to a latency and a period old.
+  std::vector<double> ProtectiveDistances() const;
+  // Radius that a curtain guards: who walks in reaches the robot after it stands.
+  double Fence() const {
+    return reach + separation.human_speed * (period + StoppingTime(fastest()));
+  }
+  // The same for the slowest level.
+  double InnerFence() const {
+    return reach + separation.human_speed * (period + StoppingTime(separation.levels.front()));
+  }
+
+ private:
+  double StoppingTime(const SpeedLevel& level) const { return level.speed / acceleration; }
+};
+
+// Four levels up to 1.2 m/s.
+SpeedRule DefaultRule(double reach);
+
+// The cell at the moment of a decision.
+struct Situation {
+  const PathFollower& robot;
+  Truth& truth;
+  // Of the newest images that are ready; null: there are none, or the method does not look.
+  const Checker* checker = nullptr;
+  bool inside_fence = false;
+  bool inside_inner_fence = false;
+};
+
+struct Decision {
+  double speed = 0;  // allowed until the next one, m/s
+  // Below the protective distance, on a way that leads away from everybody.
+  bool leaves = false;
+};
+
+// For one thread. Refers to its rule.
+class Method {
+ public:
+  explicit Method(const SpeedRule& rule) : rule_(rule) {}
+  virtual ~Method() = default;
+
+  // The policy of the checker that it asks; nothing: it does not look.
+  virtual std::optional<Policy> policy() const { return std::nullopt; }
+  virtual Decision Decide(const Situation& situation) = 0;
+  // From where the robot is, to the goal, or at least to a better place; empty: there is no way.
+  virtual std::vector<Configuration> Plan(const Situation& situation, const ConfigurationGrid& grid,
+                                          const Configuration& goal);
+  // The fastest speed by its rule, by the truth; infinity: it has none.
+  virtual double AllowedInTruth(const Situation& situation) const;
+
+ protected:
+  const SpeedRule& rule() const { return rule_; }
+
+ private:
+  const SpeedRule& rule_;
+};
+
+// light_curtain, zone_scanner, oracle, silhouette, and the presets: all but "calibrated" ones,
+// which freeze next to a person (docs/verdict-quality.md).
+const std::vector<std::string>& MethodNames();
+// FailedPrecondition: the database has not what it needs. InvalidArgument: there is no such method.
+absl::Status CanRun(const std::string& name, const ServedDatabase& database);
+std::unique_ptr<Method> MakeMethod(const std::string& name, const SpeedRule& rule);
+
+}  // namespace silhouette::people_experiment
