@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Python package against the real server."""
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import silhouette
+from conftest import STEPS, TRUTH, WALL, publish
+from silhouette import Reason, State
+
+RANDOM = np.random.default_rng(17)
+NOTHING = np.zeros((16, 16), bool)
+
+
+def test_before_the_first_scene_nothing_is_free(client):
+    checks = client.check([[0.1, 0.2]])
+    assert list(checks.states) == [State.UNKNOWN]
+    assert list(checks.reasons) == [Reason.NO_SCENE]
+    assert not checks.free.any() and not checks.all_free
+    assert checks.basis.scene_id == 0 and checks.basis.age() is None
+    path = client.check_path([[0, 0], [0.1, 0]])
+    assert not path and path.verdict.reason is Reason.NO_SCENE
+    assert not (client.configuration_space().states == State.FREE).any()
+    assert client.explain([0, 0]).views == []
+    with pytest.raises(silhouette.NotFound, match="scene"):
+        client.get_scene()
+
+
+def test_only_an_explicit_free_is_true(client):
+    publish(client)
+    checks = client.check([[0, 0], [0.6, 0.2], [5, 5]], evidence=True)
+    assert [bool(v) for v in checks.verdicts] == [True, False, False]
+    assert [bool(v.state) for v in checks.verdicts] == [True, False, False]
+    assert [v.state for v in checks.verdicts] == [State.FREE, State.OCCUPIED, State.UNKNOWN]
+    assert not client.check_path([[0, 0.2], [1, 0.2]])
+    assert not client.check(np.empty((0, 2))).all_free
+    with pytest.raises(TypeError, match="all_free"):
+        bool(checks)
+
+
+def test_verdicts_of_all_grid_points_are_those_of_the_masks(client):
+    publish(client)
+    grid = client.get_database()["grid"]
+    assert grid.shape == (STEPS, STEPS) and grid.size == STEPS * STEPS
+    x, y = np.meshgrid(*grid.axes, indexing="ij")
+    asked = np.stack([x.ravel(), y.ravel()], axis=1)
+    checks = client.check(asked)
+    expected = np.where(TRUTH, State.OCCUPIED, State.FREE)
+    assert (checks.states.reshape(grid.shape) == expected).all()
+    assert (checks.free == ~TRUTH.ravel()).all()
+    assert (client.configuration_space().states == expected).all()
+    numbers = grid.numbers
+    assert numbers.dtype == np.uint32
+    assert (client.check_numbers(numbers.ravel()).states.reshape(grid.shape) == expected).all()
+    assert np.allclose(grid.at((3, 4)), [0.3, 0.4])
+    assert grid.nearest([0.32, 0.41]) == (3, 4)
+    assert grid.nearest([7, 7]) is None
+
+
+def test_arrays_of_any_layout_are_read_as_they_are_written(client):
+    publish(client)
+    points = RANDOM.uniform(0, 1, (50, 2))
+    expected = client.check(points).states
+    for same in (np.asfortranarray(points), points[::-1][::-1], points.tolist(),
+                 np.repeat(points, 2, axis=0)[::2]):
+        assert (client.check(same).states == expected).all()
+
+
+@pytest.mark.parametrize("wrong", [[0.1, 0.2], [[[0.1, 0.2]]], 0.1])
+def test_a_wrong_shape_is_refused_with_the_right_one(client, wrong):
+    with pytest.raises(ValueError, match=r"\(n, joints\)"):
+        client.check(wrong)
+
+
+def test_errors_are_exceptions_of_their_code_with_the_same_sentence(client):
+    publish(client)
+    with pytest.raises(silhouette.InvalidArgument, match="min_views"):
+        client.check([[0, 0]], policy=silhouette.Policy(min_views=3))
+    with pytest.raises(silhouette.Error, match="needs a calibration"):
+        client.check([[0, 0]], policy="calibrated")
+    with pytest.raises(silhouette.InvalidArgument, match="variant"):
+        client.with_variant("gripper").check([[0, 0]])
+    with pytest.raises(silhouette.FailedPrecondition):
+        client.get_acquisition()
+    with pytest.raises(silhouette.InvalidArgument):
+        silhouette.Client("no address")
+    gone = silhouette.Client("127.0.0.1:1", timeout=2.0)
+    with pytest.raises(silhouette.Unavailable, match="no server answers at 127.0.0.1:1"):
+        gone.check([[0, 0]])
+    assert issubclass(silhouette.Unavailable, ConnectionError)
+
+
+def test_policies_reach_the_server(client):
+    obstacle = [np.zeros((16, 16), bool) for _ in range(2)]
+    obstacle[0][:, 7:9] = True
+    obstacle[1][13:15, 0:6] = True
+    publish(client, *obstacle)
+    place = [[0.6, 0]]
+    assert not client.check(place).all_free
+    assert client.check(place, policy="paper").all_free
+    assert client.check(place, policy=silhouette.Policy(min_views=2)).all_free
+    with pytest.raises(ValueError, match="nearest"):
+        silhouette.Policy(off_grid="near")
+
+
+def test_a_path_ends_at_the_first_place_that_is_not_free(client):
+    publish(client)
+    free = client.check_path([[0, 0], [0, 1], [1, 1], [1, 0]], clearance=True)
+    assert free and free.proof is silhouette.PathProof.GRID
+    assert free.narrowest is not None and free.narrowest.segment in range(4)
+    blocked = client.check_path([[0, 0], [0, 0.2], [1, 0.2]])
+    assert blocked.segment == 1
+    assert blocked.configuration[0] == pytest.approx(0.35, abs=0.051)
+    assert blocked.fraction == pytest.approx(blocked.configuration[0])
+
+
+def test_clearances_are_pixels(client):
+    publish(client)
+    checks = client.check([[0.1, 0], [0.6, 0.2], [5, 5]], clearance=True)
+    assert checks.clearances[0] == 2 and checks.clearances[1] == 0 and np.isnan(checks.clearances[2])
+    assert client.check([[0.1, 0]]).clearances is None
+    space = client.configuration_space(clearance_levels=[0.0, 1.0])
+    assert space.clearances[1, 0] == 1 and np.isnan(space.clearances[6, 2])
+
+
+def test_explain_shows_what_it_counts(client):
+    publish(client)
+    explanation = client.explain([0.6, 0.2])
+    assert explanation.verdict.state is State.OCCUPIED
+    assert [e.view for e in explanation.verdict.views] == ["left", "right"]
+    assert explanation.verdict.views[0].obstacle_pixels == 6
+    for view in explanation.views:
+        for picture in (view.scene, view.obstacle, view.intersection, view.collision):
+            assert picture.shape == (16, 16, 3) and picture.dtype == np.uint8
+    colours = explanation.views[0].obstacle.reshape(256, 3)
+    drawn = (colours == colours[WALL.ravel().argmax()]).all(axis=1).reshape(16, 16)
+    assert (drawn == WALL).all()
+
+
+def test_scenes_are_read_back_as_published(client):
+    published = publish(client)
+    assert published["id"] == 1 and published["defects"] == []
+    assert {j["name"]: j["position"] for j in published["joints"]} == {"x": 0.0, "y": 0.0}
+    scene = client.get_scene(with_planes=True)
+    assert scene["id"] == 1 and abs(scene["time"] - time.time()) < 60
+    assert (scene["views"][0]["obstacle"] == WALL).all()
+    assert client.get_scene()["views"][0]["obstacle"] is None
+    with pytest.raises(ValueError, match="bool"):
+        client.publish_scene(joints={"x": 0.0, "y": 0.0}, views={"left": np.zeros((16, 16))})
+    database = client.get_database()
+    assert database["cell_name"] == "block" and database["configurations"] == STEPS * STEPS
+    assert "uncalibrated" in database["presets"]
+
+
+def test_an_allowed_region_lets_the_robot_in_and_is_named(client):
+    publish(client)
+    assert not client.check([[0.6, 0.2]]).all_free
+    region = client.allow_region("part", views={"left": WALL, "right": WALL}, duration=60.0)
+    assert 0 < region["remaining"] <= 60
+    assert [r["name"] for r in client.list_regions()] == ["part"]
+    assert client.check([[0.6, 0.2]]).basis.regions == ["part"]
+    client.allow_region("part", views={"left": [(6, 0), (10, 0), (10, 10)]}, duration=60.0)
+    assert client.revoke_region("part") and not client.revoke_region("part")
+    assert not client.check([[0.6, 0.2]]).all_free
+
+
+def test_a_watched_path_reports_every_scene_and_ends_with_the_watch(client):
+    publish(client, NOTHING, NOTHING)
+    with client.watch_path([[0, 0.2], [1, 0.2]]) as watch:
+        updates = iter(watch)
+        first = next(updates)
+        assert first and first.free_now and first.check.free and first.valid_for > 0
+        publish(client)
+        second = next(updates)
+        assert not second and second.check.verdict.state is State.OCCUPIED
+        with pytest.raises(silhouette.DeadlineExceeded):
+            watch.next(timeout=0.01)
+    assert list(watch) == []
+
+
+def test_waiting_leaves_the_interpreter_to_other_threads(client):
+    publish(client)
+    with client.watch_path([[0, 0]]) as watch:
+        watch.next(timeout=10)
+        seen = []
+        waiting = threading.Thread(target=lambda: seen.append(watch.next(timeout=20)))
+        waiting.start()
+        publish(client)  # would never happen if the waiting thread held the lock
+        waiting.join(20)
+        assert len(seen) == 1
+
+
+def test_numbers_of_a_reason_are_those_of_the_library():
+    from silhouette import _silhouette
+    for reason in Reason:
+        if reason is not Reason.UNSPECIFIED:
+            name = _silhouette.name_of(int(reason))
+            assert name != _silhouette.name_of(0), reason
+            assert reason.description
+    known = {int(r) for r in Reason}
+    for value in set(range(256)) - known:
+        assert _silhouette.name_of(value) == _silhouette.name_of(0), value

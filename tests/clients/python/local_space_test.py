@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""LocalSpace of the Python package against the real server."""
+import numpy as np
+import pytest
+
+import silhouette
+from conftest import TRUTH, publish
+from silhouette import Reason, State
+
+RANDOM = np.random.default_rng(18)
+NOTHING = np.zeros((16, 16), bool)
+
+
+def usable(space, scene):
+    """The first usable snapshot of this scene or a newer one."""
+    number = 0
+    while True:
+        snapshot = space.wait_for_update(after=number, timeout=20)
+        assert snapshot.number > number, space.status
+        number = snapshot.number
+        if snapshot.unknown_reason is None and snapshot.basis.scene_id >= scene:
+            return snapshot
+
+
+def test_verdicts_are_those_of_the_server(client):
+    publish(client)
+    points = RANDOM.uniform(-0.05, 1.05, (500, 2))
+    asked = client.check(points)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        snapshot = usable(space, 1)
+        assert (snapshot.states == np.where(TRUTH, State.OCCUPIED, State.FREE)).all()
+        many = snapshot.check_many(points)
+        between = many.reasons == Reason.BETWEEN_GRID_POINTS
+        assert (many.states[~between] == asked.states[~between]).all()
+        assert not (many.free & ~asked.free).any()
+        for q, state in zip(points, many.states):
+            assert snapshot.check(q).state == state
+            assert snapshot.check(q.tolist()).state == state
+            assert snapshot.check(tuple(q)).state == state
+        # Between scenes the space itself may know more cells than its first snapshot, never less.
+        assert not (snapshot.check_many(points).free & ~space.check_many(points).free).any()
+        assert space.check([0.0, 0.0])
+        numbers = snapshot.grid.numbers
+        assert (snapshot.check_numbers(numbers.ravel()).free == ~TRUTH.ravel()).all()
+
+
+def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
+    with silhouette.LocalSpace(client) as space:
+        assert not space.check([0.0, 0.0])
+        assert space.unknown_reason is not None
+        publish(client)
+        assert usable(space, 1).check([0.0, 0.0])
+    with pytest.raises(ValueError, match="closed"):
+        space.check([0.0, 0.0])
+    with silhouette.LocalSpace(client, max_age=1e-6) as space:
+        space.wait_for_update(after=0, timeout=20)
+        assert not space.check_many([[0.0, 0.0]]).all_free
+    with pytest.raises(ValueError):
+        silhouette.LocalSpace(client, max_age=0.0)
+
+
+def test_a_lost_server_is_unknown_and_no_exception(cell):
+    from conftest import serve
+    process, address = serve(cell)
+    client = silhouette.Client(address)
+    publish(client)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        snapshot = usable(space, 1)
+        assert space.check([0.0, 0.0])
+        process.kill()
+        process.wait()
+        lost = space.wait_for_update(after=snapshot.number, timeout=20)
+        assert lost.unknown_reason is not None
+        assert not space.check([0.0, 0.0])
+        assert not space.status["connected"]
+
+
+def test_updates_follow_scenes_and_snapshots_do_not_change(client):
+    publish(client)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        first = usable(space, 1)
+        assert first.check([0.6, 0.2]).state is State.OCCUPIED
+        publish(client, NOTHING, NOTHING)
+        second = usable(space, 2)
+        assert second.check([0.6, 0.2]) and space.check([0.6, 0.2])
+        assert first.check([0.6, 0.2]).state is State.OCCUPIED
+
+
+def test_a_motion_is_free_only_where_the_server_finds_it_free(client):
+    publish(client)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        usable(space, 1)
+        motions = RANDOM.uniform(0, 1, (200, 2, 2))
+        for start, goal in motions:
+            here = space.check_motion(start, goal)
+            asked = client.check_path([start, goal])
+            assert not here or asked
+            assert bool(here) == (here.last_free == 1)
+            if here.state is State.OCCUPIED:
+                assert here.fraction == pytest.approx(asked.fraction, abs=1e-9)
+                assert np.allclose(here.configuration, asked.configuration)
+
+
+@pytest.mark.parametrize("wrong", [3.0, "free", [[0.0, 0.0]], ["0", "1"], [0.0] * 8])
+def test_what_is_no_configuration_is_an_error(client, wrong):
+    with silhouette.LocalSpace(client) as space:
+        with pytest.raises((TypeError, ValueError)):
+            space.check(wrong)
+
+
+def test_a_configuration_with_other_joints_is_unknown(client):
+    publish(client)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        usable(space, 1)
+        for q in ([], [0.0], [0.0, 0.0, 0.0], [np.nan, 0.0]):
+            assert space.check(q).state is State.UNKNOWN
+            assert space.check(np.array(q)).state is State.UNKNOWN
