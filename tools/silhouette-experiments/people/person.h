@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "capture/sim/body_part.h"
 #include "capture/sim/chance.h"
 #include "capture/sim/obstacles.h"
 
