@@ -8,17 +8,11 @@
 #include <cstdlib>
 #include <vector>
 
+#include "db/mask/wider_vectors.h"
+
 // The loops over the values of a row are written for the compiler to vectorise: no branches, no
 // look-ups, narrow whole numbers. A row of a colour image is three values per pixel.
-//
-// The function is there for every x86-64 processor and once more for those with AVX2; which of them
-// is called is decided when the program is loaded. Both give the same results: there are no fused
-// multiplications. Sanitizers have the first only: the decision is made before they are ready.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SILHOUETTE_WIDER_VECTORS [[gnu::target_clones("avx2", "default")]]
-#else
-#define SILHOUETTE_WIDER_VECTORS
-#endif
+// With AVX2 the results are the same: there are no fused multiplications.
 
 namespace silhouette {
 namespace {

@@ -6,10 +6,10 @@
 #include <span>
 #include <stdexcept>
 
+#include "db/mask/wider_vectors.h"
+
 namespace silhouette {
 namespace {
-
-#define SILHOUETTE_SPACE_VECTORS [[gnu::target_clones("avx2", "default")]]
 
 // Squares of edges that lie between two voxels, `apart` places from each other along an axis.
 int16_t Between(int apart) {
@@ -23,7 +23,7 @@ constexpr size_t kLanes = sizeof(Lanes) / sizeof(int16_t);
 static_assert(VoxelGrid::kBlockEdge * sizeof(int16_t) == sizeof(Lanes) / 2);
 
 // best = min(best, from + more), value by value.
-SILHOUETTE_SPACE_VECTORS
+SILHOUETTE_WIDER_VECTORS
 void Lower(std::span<int16_t> best, std::span<const int16_t> from, int16_t more) {
   size_t i = 0;
   for (; i + kLanes <= best.size(); i += kLanes) {

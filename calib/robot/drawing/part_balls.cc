@@ -8,15 +8,7 @@
 #include <limits>
 
 #include "calib/robot/drawing/drawn_robot.h"
-
-// Functions over vectors of eight floats are there for every x86-64 processor and once more for
-// those with AVX2; which of them is called is decided when the program is loaded. Sanitizers have
-// the first only: the decision is made before they are ready.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-#define SILHOUETTE_BALL_VECTORS [[gnu::target_clones("avx2", "default")]]
-#else
-#define SILHOUETTE_BALL_VECTORS [[gnu::no_sanitize_address]]
-#endif
+#include "db/mask/wider_vectors.h"
 
 namespace silhouette {
 namespace {
@@ -147,9 +139,9 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   reach_ = std::max(reach_, centre.lpNorm<1>() + far);
 }
 
-SILHOUETTE_BALL_VECTORS static void MoveBalls(const float* turn, const float* move, const Lanes& x,
-                                              const Lanes& y, const Lanes& z, Lanes& to_x,
-                                              Lanes& to_y, Lanes& to_z) {
+SILHOUETTE_WIDER_VECTORS static void MoveBalls(const float* turn, const float* move, const Lanes& x,
+                                               const Lanes& y, const Lanes& z, Lanes& to_x,
+                                               Lanes& to_y, Lanes& to_z) {
   to_x = turn[0] * x + turn[1] * y + turn[2] * z + move[0];
   to_y = turn[3] * x + turn[4] * y + turn[5] * z + move[1];
   to_z = turn[6] * x + turn[7] * y + turn[8] * z + move[2];
@@ -235,8 +227,8 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-SILHOUETTE_BALL_VECTORS void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
-                                           SeenBalls& seen) const {
+SILHOUETTE_WIDER_VECTORS void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
+                                            SeenBalls& seen) const {
   seen.pixel.resize(balls.balls());
   seen.reach.resize(balls.balls());
   const float slack = placed.slack + slack_;
