@@ -20,4 +20,14 @@ class Random : public std::mt19937_64 {
                 : result_type{0}) {}
 };
 
+// How many random samples a test draws: `count`, a tenth of it with a sanitizer, which is as slow
+// and looks at how results come about. What they are is tested without.
+constexpr int SampleCount(int count) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  return count / 10;
+#else
+  return count;
+#endif
+}
+
 }  // namespace silhouette

@@ -26,7 +26,7 @@ TEST(DrawnCell, FixedJointsThatStandElsewhereHideNothingOfTheRobot) {
   size_t beyond = 0;     // without what fixed joints add
   size_t uncovered = 0;  // pixels that would be certain without it
   size_t certain = 0;
-  for (int trial = 0; trial < 24; ++trial) {
+  for (int trial = 0; trial < SampleCount(60); ++trial) {
     const RobotModel model = trial % 2 == 0 ? Rx130() : Gripper();
     const DrawnCell cell{.robot = std::make_shared<const RobotModel>(model),
                          .parts = {},
@@ -80,9 +80,9 @@ TEST(DrawnCell, FixedJointsThatStandElsewhereHideNothingOfTheRobot) {
       uncovered += (before.Covered(q)[view] - shown).Count();
     }
   }
-  EXPECT_GT(beyond, 100u);
+  EXPECT_GT(beyond, 10u);
   EXPECT_GT(uncovered, 0u);
-  EXPECT_GT(certain, 1000u);
+  EXPECT_GT(certain, 100u);
 }
 
 TEST(DrawnCell, WhatHangsOnNoFixedJointIsNotGrown) {

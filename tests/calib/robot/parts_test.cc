@@ -279,7 +279,7 @@ TEST(RobotParts, NothingOfAStrangeMeshIsLostAndWhatIsCertainIsInIt) {
         EXPECT_GE(MeshTree(mesh).Distance(at, hint), settings.tolerance - 1e-9) << number;
       }
     }
-    for (int i = 0; i < 2000; ++i) {
+    for (int i = 0; i < SampleCount(2000); ++i) {
       const Vector3d point = SurfacePoint(random, mesh);
       ASSERT_TRUE(std::ranges::any_of(outer,
                                       [&](const Outer& part) {

@@ -454,7 +454,7 @@ TEST_F(RobotBodyTest, SurfaceOfAnOpenMeshIsNeverMissedAndNothingInItIsCertain) {
     EXPECT_EQ(body.open_links(), std::vector<std::string>{"shell"});
     const PosedBody posed = body.At({});
     const MeshTree tree(*mesh);
-    for (int j = 0; j < 300; ++j) {
+    for (int j = 0; j < SampleCount(300); ++j) {
       const Vector3d on = SurfacePoint(random, *mesh);
       ASSERT_TRUE(posed.MayReach(pose * on, 1e-6)) << "mesh " << i;
       // What the shell may enclose, too.

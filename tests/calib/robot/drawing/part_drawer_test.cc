@@ -95,7 +95,7 @@ TEST(PartDrawer, NoPixelOfTheGrownBodyIsMissing) {
     const double growth = trial % 4 == 0 ? 0 : std::pow(10, Uniform(random, -3, -1));
     const Mask mask = Touched(drawer, pose, PointsOf(mesh), growth);
     drawn += mask.Count();
-    for (int i = 0; i < 8000; ++i) {
+    for (int i = 0; i < SampleCount(8000); ++i) {
       const Vector3d point = pose * SurfacePoint(random, mesh) + growth * RandomDirection(random);
       const auto pixel = PixelOf(drawer.camera(), point);
       if (!pixel) continue;
@@ -105,7 +105,7 @@ TEST(PartDrawer, NoPixelOfTheGrownBodyIsMissing) {
           << ", point " << point.transpose();
     }
   }
-  EXPECT_GT(seen, 200000u);
+  EXPECT_GT(seen, static_cast<size_t>(SampleCount(200000)));
   EXPECT_GT(drawn, 10000u);
 }
 
@@ -125,7 +125,7 @@ TEST(PartDrawer, CameraThatIsOffByUpToTheMarginShowsNoOtherPixel) {
     const Mask mask = Touched(drawer, pose, PointsOf(mesh), growth);
     const Mask without = Touched(PartDrawer(camera, size), pose, PointsOf(mesh), growth);
     EXPECT_TRUE((without - mask).Empty());
-    for (int i = 0; i < 8000; ++i) {
+    for (int i = 0; i < SampleCount(8000); ++i) {
       const Vector3d point = pose * SurfacePoint(random, mesh) + growth * RandomDirection(random);
       const auto pixel = PixelOf(drawer.camera(), point, RandomError(random, margin));
       if (!pixel) continue;
@@ -136,8 +136,8 @@ TEST(PartDrawer, CameraThatIsOffByUpToTheMarginShowsNoOtherPixel) {
           << ", margin " << margin << ", point " << point.transpose();
     }
   }
-  EXPECT_GT(seen, 100000u);
-  EXPECT_GT(beyond, 1000u);
+  EXPECT_GT(seen, static_cast<size_t>(SampleCount(100000)));
+  EXPECT_GT(beyond, static_cast<size_t>(SampleCount(1000)));
 }
 
 TEST(PartDrawer, OutlineIsWidenedByNoMoreThanTheMargin) {
@@ -250,7 +250,7 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
   Random random;
   size_t rim = 0;
   size_t beside = 0;
-  for (int trial = 0; trial < 150; ++trial) {
+  for (int trial = 0; trial < SampleCount(150); ++trial) {
     const TriangleMesh mesh = RandomBody(random);
     const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
     const PartDrawer drawer(camera, {64, 48}, trial % 3 == 0 ? Uniform(random, 0, 2) : 0);
@@ -277,8 +277,8 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
       }
     }
   }
-  EXPECT_GT(rim, 3000u);
-  EXPECT_GT(beside, 3000u);
+  EXPECT_GT(rim, static_cast<size_t>(SampleCount(3000)));
+  EXPECT_GT(beside, static_cast<size_t>(SampleCount(3000)));
 }
 
 TEST(PartDrawer, BodyBehindTheCameraIsNotSeen) {
