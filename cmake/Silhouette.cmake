@@ -147,12 +147,13 @@ function(silhouette_program)
 endfunction()
 
 # silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS labels]
-#                  [TIMEOUT seconds] [DEPENDS programs])
+#                  [TIMEOUT seconds] [DEPENDS programs] [TOGETHER suite])
 # One GoogleTest program of all sources in this folder, whose tests CTest lists one by one. THREADS
 # names the sources that run in several threads: the thread sanitizer's build has only these.
-# DEPENDS names the programs that the tests start; with sanitizers there are no such tests.
+# DEPENDS names the programs that the tests start; with sanitizers there are no such tests. TOGETHER
+# names a suite that is one test for CTest, since its tests share what takes long to set up.
 function(silhouette_tests)
-  cmake_parse_arguments(PARSE_ARGV 0 arg "" "TIMEOUT" "LIBRARIES;THREADS;SOURCES;LABELS;DEPENDS")
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "TIMEOUT;TOGETHER" "LIBRARIES;THREADS;SOURCES;LABELS;DEPENDS")
   silhouette_folder()
   list(APPEND sources ${arg_SOURCES})
   if(SILHOUETTE_SANITIZE STREQUAL "thread")
@@ -185,7 +186,12 @@ function(silhouette_tests)
   if(arg_LABELS)
     list(APPEND properties LABELS "${arg_LABELS}")
   endif()
-  gtest_discover_tests(${test} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
+  if(arg_TOGETHER)
+    add_test(NAME ${arg_TOGETHER} COMMAND ${test} --gtest_filter=${arg_TOGETHER}.*)
+    set_tests_properties(${arg_TOGETHER} PROPERTIES ${properties})
+    set(filter TEST_FILTER -${arg_TOGETHER}.*)
+  endif()
+  gtest_discover_tests(${test} ${filter} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
 endfunction()
 
 # Writes the link graph as architecture.txt: a line a folder, in the order of the rooms, as

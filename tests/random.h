@@ -24,7 +24,7 @@ class Random : public std::mt19937_64 {
 // and looks at how results come about. What they are is tested without.
 constexpr int SampleCount(int count) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  return count / 10;
+  return (count + 9) / 10;
 #else
   return count;
 #endif

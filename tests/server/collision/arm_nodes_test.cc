@@ -56,7 +56,7 @@ TEST_F(ArmNodesTest, FreeHoldsInAllOfTheCellAndOccupiedWhateverTheWristDoes) {
     for (const Preset preset :
          {Preset::kUncalibrated, Preset::kPaper, Preset::kCalibrated, Preset::kPaperCalibrated}) {
       const CollisionChecker test(table_, images, {.preset = preset}, {.bands = &bands_});
-      for (int i = 0; i < 100; ++i) {
+      for (int i = 0; i < SampleCount(100); ++i) {
         const ConfigurationNumber node = table_.grid().NumberOf(
             {static_cast<int>(random_() % 30), static_cast<int>(random_() % 20), 0});
         const Verdict verdict = test.Check(node);
@@ -77,7 +77,7 @@ TEST_F(ArmNodesTest, FreeHoldsInAllOfTheCellAndOccupiedWhateverTheWristDoes) {
       }
     }
   }
-  for (const size_t count : counts) EXPECT_GT(count, 100u);
+  for (const size_t count : counts) EXPECT_GT(count, static_cast<size_t>(SampleCount(100)));
 }
 
 TEST_F(ArmNodesTest, TilesAreTheirNodes) {

@@ -107,7 +107,7 @@ TEST_F(ArmIndexTest, MapByTheIndexIsTheMapThatIsDrawnAndHoldsAtAllJointValues) {
   EXPECT_EQ(drawn->node_index(DrawnKind::kOwn), nullptr);
   EXPECT_THAT(stored->variants(), testing::ElementsAre("default"));
   size_t counts[3] = {};
-  for (int scene = 0; scene < 6; ++scene) {
+  for (int scene = 0; scene < SampleCount(6); ++scene) {
     const SceneInput input = SomeInput();
     const Served by_index = ServedScene(stored, input);
     const Served by_drawing = ServedScene(drawn, input);
@@ -153,7 +153,7 @@ TEST_F(ArmIndexTest, ChecksBehindTheMapAreThoseThatAreDrawn) {
       by_map.Check(Configuration{0, 0});
       EXPECT_FALSE(map->ready(any / kTileSize)) << "nothing is worked out for checks";
       for (uint64_t tile = 0; tile < map->tiles(); ++tile) map->tile(tile);
-      for (int i = 0; i < 2500; ++i) {
+      for (int i = 0; i < SampleCount(2500); ++i) {
         const Configuration q = {Between(-4, 4), Between(-2.01, 2.01)};
         const Verdict one = by_map.Check(q);
         const Verdict other = drawn.Check(q);
@@ -169,7 +169,7 @@ TEST_F(ArmIndexTest, ChecksBehindTheMapAreThoseThatAreDrawn) {
       }
     }
   }
-  EXPECT_GT(behind, 10'000u);
+  EXPECT_GT(behind, static_cast<size_t>(SampleCount(10'000)));
 }
 
 TEST_F(ArmIndexTest, MissingViewFreesNoNode) {

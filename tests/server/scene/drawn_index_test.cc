@@ -103,7 +103,7 @@ TEST_F(DrawnIndexTest, MapByTheIndexIsTheMapThatIsDrawn) {
   };
   uint64_t free = 0;
   uint64_t occupied = 0;
-  for (int scene = 0; scene < 4; ++scene) {
+  for (int scene = 0; scene < SampleCount(4); ++scene) {
     const std::vector<DrawnCellBall> balls = {
         {{between(-0.8, 0.8), between(-0.8, 0.8), between(0.2, 1.4)}, between(0.05, 0.2)}};
     const SceneInput input = DrawnSceneInput(truth, {between(-3, 3), between(-1.9, 1.4)}, balls);
