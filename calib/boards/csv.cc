@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "absl/strings/ascii.h"
@@ -99,9 +100,14 @@ absl::StatusOr<int> CsvRow::Integer(size_t column) const {
 }
 
 absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::string& file,
-                                            const std::vector<std::string>& columns) {
+                                            const std::vector<std::string>& columns,
+                                            CsvHeader header) {
   std::vector<CsvRow> rows;
   std::optional<std::vector<size_t>> places;
+  if (header == CsvHeader::kNone) {
+    places.emplace(columns.size());
+    std::iota(places->begin(), places->end(), 0);
+  }
   int number = 0;
   for (absl::string_view line : absl::StrSplit(text, '\n')) {
     const std::string place = absl::StrCat(file, ":", ++number);
@@ -113,6 +119,9 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
       return InvalidArgument(place, ": the double quotes do not match");
     }
     if (!places) {
+      if (header == CsvHeader::kAnyCase) {
+        for (std::string& name : *fields) absl::AsciiStrToLower(&name);
+      }
       ASSIGN_OR_RETURN(std::vector<size_t> found, Places(*fields, columns, place));
       places = std::move(found);
       continue;

@@ -31,11 +31,16 @@ class CsvRow {
   std::vector<std::string> fields_;
 };
 
+// What the first line of a table is: the columns' names, these in small letters or capitals, or a
+// row as all others, whose columns are in the order that was asked for.
+enum class CsvHeader { kExact, kAnyCase, kNone };
+
 // The rows of a table that has exactly these columns, in any order. Empty lines are skipped.
 // InvalidArgument with `file` and line: a column is missing, unknown or there twice, a row has more
 // or fewer fields, a quote is open.
 absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::string& file,
-                                            const std::vector<std::string>& columns);
+                                            const std::vector<std::string>& columns,
+                                            CsvHeader header = CsvHeader::kExact);
 
 // A field as it is written: in quotes if it needs them.
 std::string CsvField(absl::string_view text);

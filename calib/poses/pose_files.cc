@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/poses/pose_files.h"
 
-#include <array>
 #include <cmath>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "calib/boards/csv.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
@@ -17,41 +21,123 @@
 namespace silhouette {
 namespace {
 
-const std::vector<std::string>& Columns() {
-  static const std::vector<std::string> columns = {"frame", "tx", "ty", "tz",
-                                                   "qx",    "qy", "qz", "qw"};
-  return columns;
+// What a file says of one frame.
+struct PoseRow {
+  std::string place;  // for messages
+  std::string frame;
+  std::vector<double> values;
+};
+
+absl::StatusOr<double> NumberFrom(absl::string_view text, const std::string& place) {
+  double value = 0;
+  if (absl::SimpleAtod(text, &value) && std::isfinite(value)) return value;
+  return InvalidArgument(place, ": '", text, "' is not a finite number");
 }
 
-absl::Status Mistake(const CsvRow& row, const std::string& what) {
-  return InvalidArgument(row.place(), ": ", what);
+std::vector<std::string> Words(absl::string_view line) {
+  return absl::StrSplit(line, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty());
 }
 
-absl::StatusOr<RobotPose> RobotPoseOf(const CsvRow& row) {
-  std::array<double, 7> values{};
-  for (size_t i = 0; i < values.size(); ++i) {
-    ASSIGN_OR_RETURN(const double value, row.Number(i + 1));
-    values[i] = value;
+// A table whose fields are separated by commas, without comments; every line is where it was.
+std::string AsCsv(const std::string& text) {
+  std::vector<std::string> lines = absl::StrSplit(text, '\n');
+  for (std::string& line : lines) {
+    const absl::string_view content = absl::StripAsciiWhitespace(line);
+    if (absl::StartsWith(content, "#")) line.clear();
+    if (content.find(',') == absl::string_view::npos) line = absl::StrJoin(Words(line), ",");
   }
-  RobotPose pose{.frame = row.Text(0)};
-  if (pose.frame.empty()) return Mistake(row, "the frame has no name");
-  const Eigen::Vector3d position(values[0], values[1], values[2]);
-  if (position.norm() > kFarthestFlange) {
-    return Mistake(row,
-                   absl::StrFormat("the flange is %.0f m from the robot's base; positions look "
-                                   "like millimetres, give metres",
-                                   position.norm()));
+  return absl::StrJoin(lines, "\n");
+}
+
+std::vector<std::string> FirstLine(const std::string& csv) {
+  for (const absl::string_view line : absl::StrSplit(csv, '\n')) {
+    std::vector<std::string> words = Words(line);
+    if (!words.empty()) return words;
   }
-  const Eigen::Quaterniond rotation(values[6], values[3], values[4], values[5]);
-  if (std::abs(rotation.norm() - 1) > 0.01) {
-    return Mistake(row,
-                   absl::StrFormat("the quaternion's length is %.4g, not 1; give qx, qy, qz, qw "
-                                   "(not angles, nor a rotation vector)",
-                                   rotation.norm()));
+  return {};
+}
+
+absl::StatusOr<std::vector<PoseRow>> RowsOfTable(const std::string& text, const std::string& file,
+                                                 const PoseNotation& notation) {
+  const std::string csv = AsCsv(text);
+  const std::vector<std::string> first = FirstLine(csv);
+  std::vector<std::string> columns = notation.columns();
+  columns.insert(columns.begin(), "frame");
+  double number = 0;
+  const bool named = first.empty() || !absl::SimpleAtod(first.back(), &number);
+  // Robots name them in capitals, too.
+  const CsvHeader header = named ? CsvHeader::kAnyCase : CsvHeader::kNone;
+  if (!named && notation.name() == "matrix" && first.size() == 13) columns.resize(13);
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> lines, CsvRows(csv, file, columns, header));
+  std::vector<PoseRow> rows;
+  for (const CsvRow& line : lines) {
+    rows.push_back({line.place(), line.Text(0), {}});
+    for (size_t i = 1; i < columns.size(); ++i) {
+      ASSIGN_OR_RETURN(const double value, line.Number(i));
+      rows.back().values.push_back(value);
+    }
   }
-  pose.base_from_flange.linear() = rotation.normalized().matrix();
-  pose.base_from_flange.translation() = position;
-  return pose;
+  return rows;
+}
+
+void AppendNumbers(const nlohmann::json& json, std::vector<double>& values) {
+  if (json.is_array()) {
+    for (const nlohmann::json& item : json) AppendNumbers(item, values);
+  } else {
+    values.push_back(json.get<double>());
+  }
+}
+
+absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const std::string& file,
+                                                const PoseNotation& notation) {
+  try {
+    const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text);
+    std::vector<PoseRow> rows;
+    for (const auto& [key, value] : json.items()) {
+      PoseRow row{.place = file, .frame = key, .values = {}};
+      if (json.is_object()) {
+        AppendNumbers(value, row.values);
+      } else {
+        const nlohmann::json& frame = value.at("frame");
+        row.frame = frame.is_string() ? frame.get<std::string>() : frame.dump();
+        for (const std::string& column : notation.columns()) {
+          row.values.push_back(value.at(column).get<double>());
+        }
+      }
+      row.place = absl::StrCat(file, ", frame '", row.frame, "'");
+      rows.push_back(std::move(row));
+    }
+    return rows;
+  } catch (const nlohmann::json::exception& error) {
+    return InvalidArgument(file,
+                           ": no poses as JSON, which are {\"FRAME\": [NUMBERS], ...} or "
+                           "[{\"frame\": \"FRAME\", \"",
+                           absl::StrJoin(notation.columns(), "\": 0, \""),
+                           "\": 0}, ...]: ", error.what());
+  }
+}
+
+absl::StatusOr<std::vector<RobotPose>> PosesOf(const std::vector<PoseRow>& rows,
+                                               const std::string& file,
+                                               const PoseNotation& notation) {
+  std::vector<RobotPose> poses;
+  std::vector<std::vector<double>> values;
+  std::map<std::string, std::string> places;
+  for (const PoseRow& row : rows) {
+    if (row.frame.empty()) return InvalidArgument(row.place, ": the frame has no name");
+    const auto pose = notation.Pose(row.values);
+    if (!pose.ok()) return InvalidArgument(row.place, ": ", pose.status().message());
+    const auto [other, added] = places.emplace(row.frame, row.place);
+    if (!added) {
+      return InvalidArgument(row.place, ": frame '", row.frame, "' is there already, at ",
+                             other->second, "; leave one");
+    }
+    poses.push_back({row.frame, *pose});
+    values.push_back(row.values);
+  }
+  const absl::Status units = notation.CheckUnits(values);
+  if (!units.ok()) return InvalidArgument(file, ": ", units.message());
+  return poses;
 }
 
 }  // namespace
@@ -71,20 +157,26 @@ std::string RobotPoseFileText(const std::vector<RobotPose>& poses) {
 }
 
 absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& text,
-                                                          const std::string& file) {
-  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, Columns()));
-  std::vector<RobotPose> poses;
-  std::map<std::string, std::string> places;
-  for (const CsvRow& row : rows) {
-    ASSIGN_OR_RETURN(RobotPose pose, RobotPoseOf(row));
-    const auto [other, added] = places.emplace(pose.frame, row.place());
-    if (!added) {
-      return Mistake(row, absl::StrCat("frame '", pose.frame, "' is there already, at ",
-                                       other->second, "; leave one"));
+                                                          const std::string& file,
+                                                          const PoseNotation& notation) {
+  const size_t first = text.find_first_not_of(" \t\r\n");
+  const bool json = first != std::string::npos && (text[first] == '{' || text[first] == '[');
+  ASSIGN_OR_RETURN(const std::vector<PoseRow> rows,
+                   json ? RowsOfJson(text, file, notation) : RowsOfTable(text, file, notation));
+  return PosesOf(rows, file, notation);
+}
+
+absl::StatusOr<std::vector<RobotPose>> RobotPosesFromTexts(const std::vector<PoseText>& texts,
+                                                           const PoseNotation& notation) {
+  std::vector<PoseRow> rows;
+  for (const PoseText& one : texts) {
+    rows.push_back({one.file, one.frame, {}});
+    for (const std::string& word : Words(one.text)) {
+      ASSIGN_OR_RETURN(const double value, NumberFrom(word, one.file));
+      rows.back().values.push_back(value);
     }
-    poses.push_back(std::move(pose));
   }
-  return poses;
+  return PosesOf(rows, texts.empty() ? "" : texts.front().file, notation);
 }
 
 namespace {

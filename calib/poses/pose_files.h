@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The robot's poses as a CSV file, a line per frame:
+// The robot's poses as a table, a line per frame:
 //
 //   frame,tx,ty,tz,qx,qy,qz,qw
 //   0007,0.41,-0.12,0.63,0.707,0.707,0,0
 //
-// base_from_flange: metres, and a quaternion with its real part last.
+// The columns are those of a PoseNotation, in any order. Without the first line they are in its
+// order, after the frame. Fields are separated by commas, or all by semicolons, tabs or spaces;
+// lines that begin with # are comments. Or as JSON: {"0007": [0.41, -0.12, ...]}, numbers in the
+// notation's order, a matrix as rows if that is wished; or [{"frame": "0007", "tx": 0.41, ...}].
 #pragma once
 
 #include <Eigen/Geometry>
@@ -12,17 +15,27 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "calib/poses/pose_notation.h"
 #include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 
 std::string RobotPoseFileText(const std::vector<RobotPose>& poses);
 
-// In the order of the file. `file`: what messages call it. InvalidArgument with file and line: not
-// such a table, a frame without name or there twice, a quaternion whose length is not 1 within a
-// hundredth (it is made 1), positions that can only be millimetres.
+// In the order of the file. `file`: what messages call it. InvalidArgument with file, and line or
+// frame: no such table, a frame without name or there twice, and what PoseNotation refuses.
 absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& text,
-                                                          const std::string& file);
+                                                          const std::string& file,
+                                                          const PoseNotation& notation = {});
+
+// The same of a file for each frame, which holds nothing but the notation's numbers.
+struct PoseText {
+  std::string frame;
+  std::string file;  // what messages call it
+  std::string text;
+};
+absl::StatusOr<std::vector<RobotPose>> RobotPosesFromTexts(const std::vector<PoseText>& texts,
+                                                           const PoseNotation& notation);
 
 // Where boards stand in the cell, by a survey, as a YAML file: a list of
 //

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-calibrate/detect.h"
 
-#include <glob.h>
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgproc.hpp>
-#include <regex>
 #include <set>
 
 #include "absl/status/status.h"
@@ -23,6 +21,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/frame_files.h"
 #include "tools/silhouette-calibrate/pictures.h"
 
 namespace silhouette {
@@ -34,50 +33,6 @@ bool IsImage(const std::string& path) {
   static const std::set<std::string> extensions = {".png",  ".jpg", ".jpeg", ".bmp", ".tif",
                                                    ".tiff", ".pgm", ".ppm",  ".webp"};
   return extensions.contains(absl::AsciiStrToLower(fs::path(path).extension().string()));
-}
-
-std::vector<std::string> Matches(const std::string& pattern) {
-  glob_t found{};
-  std::vector<std::string> paths;
-  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
-    for (size_t i = 0; i < found.gl_pathc; ++i) {
-      if (fs::is_regular_file(found.gl_pathv[i])) paths.emplace_back(found.gl_pathv[i]);
-    }
-  }
-  globfree(&found);
-  return paths;
-}
-
-// The pattern as a regular expression with a group for each *.
-std::regex GroupsOf(const std::string& pattern) {
-  std::string text;
-  for (size_t i = 0; i < pattern.size(); ++i) {
-    const char c = pattern[i];
-    if (c == '*') {
-      text += "([^/]*)";
-    } else if (c == '?') {
-      text += "[^/]";
-    } else if (const size_t end = pattern.find(']', i + 2); c == '[' && end != std::string::npos) {
-      std::string set = pattern.substr(i, end - i + 1);
-      if (set[1] == '!') set[1] = '^';
-      text += set;
-      i = end;
-    } else {
-      if (!absl::ascii_isalnum(static_cast<unsigned char>(c))) text += '\\';
-      text += c;
-    }
-  }
-  return std::regex(text);
-}
-
-std::string FrameOf(const std::string& path, const std::string& pattern) {
-  std::smatch match;
-  if (pattern.find('*') != std::string::npos && std::regex_match(path, match, GroupsOf(pattern))) {
-    const std::string frame =
-        absl::StrJoin(std::vector<std::string>(match.begin() + 1, match.end()), "_");
-    if (frame.find_first_not_of('_') != std::string::npos) return frame;
-  }
-  return fs::path(path).stem().string();
 }
 
 std::string FileName(const std::string& name) { return absl::StrReplaceAll(name, {{"/", "_"}}); }
@@ -125,17 +80,15 @@ absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::strin
                              "' is not VIEW=PATTERN, e.g. 'left=left/*.png'");
     }
     const std::string view = argument.substr(0, equals);
-    std::string pattern = argument.substr(equals + 1);
+    const std::string pattern = argument.substr(equals + 1);
     if (!views.insert(view).second) {
       return InvalidArgument("--images has the view '", view, "' twice");
     }
     std::error_code error;
     const bool folder = fs::is_directory(pattern, error);
-    if (folder) pattern = (fs::path(pattern) / "*").string();
     std::map<std::string, std::string> path_of_frame;
-    for (const std::string& path : Matches(pattern)) {
+    for (const auto& [frame, path] : FilesOfFrames(pattern)) {
       if (folder && !IsImage(path)) continue;
-      const std::string frame = folder ? fs::path(path).stem().string() : FrameOf(path, pattern);
       if (const auto [other, fresh] = path_of_frame.emplace(frame, path); !fresh) {
         return InvalidArgument("'", other->second, "' and '", path, "' are both frame '", frame,
                                "' of view '", view, "'; put the * where the names differ");
@@ -148,8 +101,7 @@ absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::strin
       images.push_back({view, frame, path});
     }
     if (path_of_frame.empty()) {
-      return InvalidArgument("no image of view '", view, "' matches '", argument.substr(equals + 1),
-                             "'");
+      return InvalidArgument("no image of view '", view, "' matches '", pattern, "'");
     }
   }
   return images;

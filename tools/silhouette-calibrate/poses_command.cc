@@ -112,7 +112,10 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
       "\\\n"
       "      --joints joints.csv --cell cell.yaml --flange-board flange --surveyed survey.yaml "
-      "--out cameras");
+      "--out cameras\n"
+      "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
+      "\\\n"
+      "      --robot-poses krc.csv --pose-notation kuka --flange-board flange --out cameras");
   command->callback([arguments, &run] { run = [arguments] { return PosesWork(*arguments); }; });
 }
 

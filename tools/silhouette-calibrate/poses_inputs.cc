@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <filesystem>
 #include <numbers>
 #include <random>
 
@@ -20,6 +21,7 @@
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/frame_files.h"
 
 namespace silhouette {
 namespace {
@@ -133,11 +135,28 @@ absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources)
   return RobotPosesOfJoints(text, sources.joints, *loaded.robot, settings);
 }
 
+absl::StatusOr<PoseNotation> NotationOf(const PoseSources& sources) {
+  auto notation = PoseNotation::Named(sources.pose_notation, sources.pose_units);
+  if (notation.ok()) return notation;
+  return InvalidArgument(notation.status().message(), " (--pose-notation, --pose-units)");
+}
+
 absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources) {
   if (!sources.joints.empty()) return PosesOfJoints(sources);
   if (sources.robot_poses.empty()) return std::vector<RobotPose>();
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.robot_poses));
-  return RobotPosesFromText(text, sources.robot_poses);
+  ASSIGN_OR_RETURN(const PoseNotation notation, NotationOf(sources));
+  if (std::filesystem::is_regular_file(sources.robot_poses)) {
+    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.robot_poses));
+    return RobotPosesFromText(text, sources.robot_poses, notation);
+  }
+  std::vector<PoseText> texts;
+  for (const auto& [frame, path] : FilesOfFrames(sources.robot_poses)) {
+    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(path));
+    texts.push_back({frame, path, text});
+  }
+  if (!texts.empty()) return RobotPosesFromTexts(texts, notation);
+  return absl::NotFoundError(
+      absl::StrCat("--robot-poses: there is no file '", sources.robot_poses, "'"));
 }
 
 absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
@@ -233,8 +252,18 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
                   "Folder of camera models, VIEW.cameramodel, for their lenses")
       ->required();
   auto* poses = command.add_option("--robot-poses", s.robot_poses,
-                                   "The robot's poses, base_from_flange (CSV: "
-                                   "frame,tx,ty,tz,qx,qy,qz,qw; metres)");
+                                   "The robot's poses, base_from_flange: a table, JSON, or "
+                                   "a file for each frame ('poses/*.txt')");
+  command
+      .add_option("--pose-notation", s.pose_notation,
+                  "How numbers state a pose: a convention, or a robot's maker")
+      ->check(CLI::IsMember(PoseNotation::Names()))
+      ->capture_default_str()
+      ->needs(poses);
+  command
+      .add_option("--pose-units", s.pose_units,
+                  "Units of the poses, e.g. m,rad or mm,deg; default: the notation's")
+      ->needs(poses);
   auto* joints = command
                      .add_option("--joints", s.joints,
                                  "Instead: its joint values (CSV: frame and the joints' names)")

@@ -18,10 +18,12 @@ struct PoseSources {
   std::string corners;
   std::string boards;
   std::string cameras;      // folder
-  std::string robot_poses;  // CSV of poses, or
+  std::string robot_poses;  // a file of poses, or a pattern or folder of files of one each, or
   std::string joints;       // CSV of joint values, with
   std::string cell;         // cell.yaml, or
   std::string urdf;
+  std::string pose_notation = "quaternion";  // as PoseNotation::Named, of robot_poses
+  std::string pose_units;
   AngleUnit joint_unit = AngleUnit::kRadians;  // of values that state none
   std::string flange_link;
   std::string flange_board;

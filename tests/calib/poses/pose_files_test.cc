@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "calib/poses/pose_files.h"
 
@@ -39,6 +42,100 @@ TEST(RobotPoseFile, MistakesAreToldWithTheirLine) {
   EXPECT_THAT(PoseMistake("a,400,0,900,0,0,0,1\n"), HasSubstr("millimetres"));
   EXPECT_THAT(PoseMistake("a,x,0,0,0,0,0,1\n"), HasSubstr("poses.csv:2"));
   EXPECT_THAT(PoseMistake(",0,0,0,0,0,0,1\n"), HasSubstr("no name"));
+}
+
+RobotPose OnlyPose(const std::string& text, const std::string& notation,
+                   const std::string& units = "") {
+  const auto poses =
+      RobotPosesFromText(text, "poses", PoseNotation::Named(notation, units).value());
+  EXPECT_TRUE(poses.ok()) << notation << ": " << poses.status();
+  return poses.ok() && poses->size() == 1 ? poses->front() : RobotPose{};
+}
+
+// Columns of the rotation matrices as textbooks write them, for angles of 200, 40 and 50 degrees.
+TEST(RobotPoseFile, RobotsConventionsAreTheirMakers) {
+  const auto sine = [](double degrees) { return std::sin(degrees * kDegree); };
+  const auto cosine = [](double degrees) { return std::cos(degrees * kDegree); };
+  const Eigen::Vector3d position(0.4, -0.1, 0.6);
+
+  const RobotPose kuka = OnlyPose("frame,X,Y,Z,A,B,C\na,400,-100,600,200,40,50\n", "kuka");
+  const Eigen::Vector3d kuka_x(cosine(200) * cosine(40), sine(200) * cosine(40), -sine(40));
+  EXPECT_TRUE(kuka.base_from_flange.translation().isApprox(position));
+  EXPECT_TRUE(kuka.base_from_flange.linear().col(0).isApprox(kuka_x));
+  EXPECT_NEAR(kuka.base_from_flange(2, 2), cosine(40) * cosine(50), 1e-12);
+
+  const RobotPose fanuc = OnlyPose("a 400 -100 600 50 40 200\n", "fanuc");
+  EXPECT_TRUE(fanuc.base_from_flange.isApprox(kuka.base_from_flange));
+  const RobotPose rpy =
+      OnlyPose("frame;x;y;z;roll;pitch;yaw\na;40;-10;60;50;40;200\n", "rpy", "cm,deg");
+  EXPECT_TRUE(rpy.base_from_flange.isApprox(kuka.base_from_flange));
+
+  const RobotPose staubli = OnlyPose("a\t400\t-100\t600\t200\t40\t50\n", "staubli");
+  const Eigen::Vector3d staubli_z(sine(40), -sine(200) * cosine(40), cosine(200) * cosine(40));
+  EXPECT_TRUE(staubli.base_from_flange.linear().col(2).isApprox(staubli_z));
+  EXPECT_NEAR(staubli.base_from_flange(0, 0), cosine(40) * cosine(50), 1e-12);
+
+  // A third of a turn about (1, 1, 1) takes x to y, y to z and z to x.
+  Eigen::Isometry3d third = Eigen::Isometry3d::Identity();
+  third.linear() << 0, 0, 1, 1, 0, 0, 0, 1, 0;
+  third.translation() = position;
+  const std::vector<std::pair<std::string, std::string>> texts = {
+      {"ur", "a, 0.4, -0.1, 0.6, 1.2091995761561452, 1.2091995761561452, 1.2091995761561452"},
+      {"abb", "frame,x,y,z,q1,q2,q3,q4\na,400,-100,600,0.5,0.5,0.5,0.5\n"},
+      {"abb", "frame,q4,q3,q2,q1,x,y,z\na,0.5,0.5,0.5,0.5,400,-100,600\n"},
+      {"tum", "# timestamp tx ty tz qx qy qz qw\na 0.4 -0.1 0.6 0.5 0.5 0.5 0.5\n"}};
+  for (const auto& [notation, text] : texts) {
+    EXPECT_TRUE(OnlyPose(text, notation).base_from_flange.isApprox(third)) << notation;
+  }
+  EXPECT_TRUE(OnlyPose("a 0 0 1 400 1 0 0 -100 0 1 0 600 0 0 0 1\n", "matrix", "mm")
+                  .base_from_flange.isApprox(third));
+  EXPECT_TRUE(OnlyPose("a 0 0 1 400 1 0 0 -100 0 1 0 600\n", "matrix", "mm")
+                  .base_from_flange.isApprox(third));
+}
+
+TEST(RobotPoseFile, JsonAndOneFilePerFrameAreRead) {
+  const RobotPose matrix = OnlyPose(
+      R"({"0007": [[0, -1, 0, 0.4], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]})", "matrix", "m");
+  EXPECT_EQ(matrix.frame, "0007");
+  EXPECT_TRUE(matrix.base_from_flange.linear().col(0).isApprox(Eigen::Vector3d::UnitY()));
+  const RobotPose named =
+      OnlyPose(R"([{"frame": 7, "tx": 0.4, "ty": 0, "tz": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}])",
+               "quaternion");
+  EXPECT_EQ(named.frame, "7");
+  EXPECT_EQ(named.base_from_flange.translation().x(), 0.4);
+  const auto files = RobotPosesFromTexts(
+      {{"1", "1.txt", "[[0 -1 0 400]\n[1 0 0 0]\n[0 0 1 0]\n[0 0 0 1]]"}, {"2", "2.txt", "1 2"}},
+      PoseNotation::Named("matrix", "mm").value());
+  EXPECT_EQ(files.status().message(), "2.txt: a pose as 'matrix' is 16 or 12 numbers, not 2");
+}
+
+TEST(RobotPoseFile, UnitsAreStatedOrRefusedAndNeverGuessed) {
+  const auto unnamed = [](const std::string& notation, const std::string& units = "") {
+    return std::string(PoseNotation::Named(notation, units).status().message());
+  };
+  EXPECT_THAT(unnamed("rotation_vector"), HasSubstr("no units of their own; state them"));
+  EXPECT_THAT(unnamed("matrix"), HasSubstr("e.g. mm"));
+  EXPECT_THAT(unnamed("kuka", "inch,deg"), HasSubstr("are no units of poses as 'kuka'"));
+  EXPECT_THAT(unnamed("abb", "mm,deg"), HasSubstr("are no units of poses as 'abb'"));
+  EXPECT_THAT(unnamed("kawasaki"), HasSubstr("known are quaternion, tum"));
+
+  const auto mistake = [](const std::string& text, const std::string& notation,
+                          const std::string& units = "") {
+    return std::string(
+        RobotPosesFromText(text, "poses", PoseNotation::Named(notation, units).value())
+            .status()
+            .message());
+  };
+  EXPECT_THAT(mistake("a 0.4 0.1 0.6 90 0 0\n", "kuka"), HasSubstr("positions are in metres"));
+  EXPECT_THAT(mistake("a 400 100 600 1.5 0 0\n", "kuka"), HasSubstr("angles are in radians"));
+  EXPECT_EQ(mistake("a 400 100 600 1.5 0 0\n", "kuka", "mm,deg"), "");
+  EXPECT_THAT(mistake("a 0.4 0.1 0.6 90 0 0\n", "ur"), HasSubstr("angles are in degrees"));
+  EXPECT_THAT(mistake("a 400 100 600 1.5 0 0\n", "ur"),
+              AllOf(HasSubstr("poses:1"), HasSubstr("millimetres")));
+  EXPECT_THAT(mistake("a 0 0 1 400 1 0 0 -100 0 2 0 600 0 0 0 1\n", "matrix", "mm"),
+              HasSubstr("no rotation"));
+  EXPECT_THAT(mistake("a 0 0 1 0 1 0 0 0 0 1 0 0 400 -100 600 1\n", "matrix", "mm"),
+              HasSubstr("last row"));
 }
 
 TEST(SurveyFile, ReadsPosesAndSigmas) {

@@ -256,5 +256,33 @@ TEST_F(CalibratePosesProgram, MistakesAreOneSentenceAndNothingIsWritten) {
   refused(poses, 2, "poses.csv:3: frame 'frame1000' is there already");
 }
 
+TEST_F(CalibratePosesProgram, PosesAsRobotsWriteThemGiveTheSameCameras) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  rig.Drive(14);
+  WriteRig(rig);
+  const std::string all = absl::StrCat(kFiles, "--flange-board flange --robot-poses ");
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  ASSERT_EQ(Run(all + "poses.csv --out quaternions").exit_code, 0);
+  for (const RobotPose& pose : rig.problem.robot_poses) {
+    std::string text;
+    for (int i = 0; i < 16; ++i) {
+      const double unit = i % 4 == 3 && i < 12 ? 1000 : 1;
+      absl::StrAppendFormat(&text, "%.12g ", unit * pose.base_from_flange.matrix()(i / 4, i % 4));
+    }
+    Write("poses/pose_" + pose.frame + ".txt", text);
+  }
+  const std::string matrices = all + "'poses/pose_*.txt' --pose-notation matrix --out matrices";
+  EXPECT_THAT(Run(matrices).err, HasSubstr("state them, e.g. mm (--pose-notation, --pose-units)"));
+  const Ended outcome = Run(matrices + " --pose-units mm");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  for (size_t i = 0; i < rig.camera_poses.size(); ++i) {
+    const std::string file = absl::StrCat("/camera", i, ".cameramodel");
+    EXPECT_TRUE(Camera("matrices" + file)
+                    .camera_from_world()
+                    .isApprox(Camera("quaternions" + file).camera_from_world(), 1e-6));
+  }
+}
+
 }  // namespace
 }  // namespace silhouette
