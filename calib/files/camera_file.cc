@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <map>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <vector>
 
@@ -89,15 +90,13 @@ storage::v1::CameraModel ReadCamera(const YamlNode& root) {
   return camera;
 }
 
+void Exactly(std::string* out, double value) { absl::StrAppendFormat(out, "%.17g", value); }
+
 template <typename Three>
 std::string FileText(const std::string& lens_model, const std::vector<double>& intrinsics,
                      int image_width, int image_height, const Three& rotation,
                      const Three& translation, const std::string& view) {
-  const auto numbers = [](const auto& values) {
-    return absl::StrJoin(values, ", ", [](std::string* out, double value) {
-      absl::StrAppendFormat(out, "%.17g", value);
-    });
-  };
+  const auto numbers = [](const auto& values) { return absl::StrJoin(values, ", ", Exactly); };
   return absl::StrCat(
       "# Camera model of the view ", CameraFileName(view), "\n{\n    'lensmodel':  '", lens_model,
       "',\n\n    # fx, fy, cx, cy and the distortion; pixels\n    'intrinsics': [ ",
@@ -165,6 +164,29 @@ namespace {
 std::string AsYaml(std::string text) {
   if (text.starts_with("%YAML:")) text[0] = '#';
   return text;
+}
+
+// cv::FileStorage's XML as YAML: matrices, numbers and texts of the first level.
+std::string YamlOfXml(const std::string& xml) {
+  try {
+    const cv::FileStorage storage(xml, cv::FileStorage::READ | cv::FileStorage::MEMORY);
+    std::string yaml;
+    for (const cv::FileNode& node : storage.root()) {
+      std::string value;
+      if (node.isMap()) {
+        const cv::Mat_<double> matrix = node.mat();
+        value = absl::StrCat("[", absl::StrJoin(matrix.begin(), matrix.end(), ", ", Exactly), "]");
+      } else if (node.isInt() || node.isReal()) {
+        value = absl::StrFormat("%.17g", node.real());
+      } else {
+        continue;
+      }
+      absl::StrAppend(&yaml, node.name(), ": ", value, "\n");
+    }
+    return yaml;
+  } catch (const cv::Exception& error) {
+    throw std::invalid_argument(absl::StrCat("the XML of OpenCV cannot be read: ", error.err));
+  }
 }
 
 std::optional<YamlNode> AnyOf(YamlMap& map, const std::vector<std::string>& keys) {
@@ -336,7 +358,8 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
               options, checked);
       return ForeignCamera{camera, "mrcal"};
     }
-    return FromYaml(YamlNode::FromText(AsYaml(text), file), options);
+    const std::string yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);
+    return FromYaml(YamlNode::FromText(yaml, file), options);
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());
   } catch (const std::invalid_argument& error) {

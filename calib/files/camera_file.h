@@ -47,7 +47,7 @@ absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string&
 // Camera files of other programs. Their keys tell the formats apart:
 //
 //   mrcal     .cameramodel, as above; the only one whose pose is kept
-//   OpenCV    YAML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width, ...
+//   OpenCV    YAML or XML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width, ...
 //   ROS       camera_info as YAML: distortion_model plumb_bob or rational_polynomial; K and D too
 //   Kalibr    camchain: cam0, cam1, ...: camera_model pinhole, distortion_model radtan or none
 //

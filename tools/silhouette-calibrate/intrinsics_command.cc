@@ -6,8 +6,11 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "common/picture/files.h"
@@ -57,12 +60,26 @@ absl::StatusOr<std::optional<PixelSize>> SizeGivenFor(const IntrinsicsArguments&
   return size;
 }
 
+// "fx,fy,cx,cy" and distortion coefficients, as OpenCV's YAML; empty: `text` is no such list.
+std::string CameraOfNumbers(const std::string& text) {
+  const std::vector<std::string> numbers = absl::StrSplit(text, absl::ByAnyChar(", "));
+  double value = 0;
+  const auto is_number = [&](const std::string& one) { return absl::SimpleAtod(one, &value); };
+  if (numbers.size() < 4 || !std::ranges::all_of(numbers, is_number)) return "";
+  return absl::StrCat("camera_matrix: [", numbers[0], ", 0, ", numbers[2], ", 0, ", numbers[1],
+                      ", ", numbers[3], ", 0, 0, 1]\ndistortion_coefficients: [",
+                      absl::StrJoin(numbers.begin() + 4, numbers.end(), ", "), "]\n");
+}
+
 absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
                                          const std::optional<PixelSize>& size,
                                          const std::string& camera) {
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
   ForeignCameraOptions options{.camera = camera};
   if (size) options.image_size = {size->width, size->height};
+  if (const std::string numbers = CameraOfNumbers(file); !numbers.empty()) {
+    return CameraFromForeignText(numbers, "--from", options);
+  }
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
   return CameraFromForeignText(text, file, options);
 }
 
@@ -241,7 +258,8 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->add_option("--draw", a->draw, "A folder for a picture of each camera's residuals");
   command
       ->add_option("--from", a->from,
-                   "Read a camera instead: .cameramodel, OpenCV's, ROS's or Kalibr's YAML")
+                   "Read a camera instead: a .cameramodel, OpenCV's YAML or XML, ROS's or Kalibr's "
+                   "YAML, or the numbers fx,fy,cx,cy and distortion coefficients as OpenCV's")
       ->excludes(fixed);
   command->add_option("--camera", a->camera, "Which camera of a Kalibr file, e.g. cam0");
   AddFormatOption(*command, a->format);
@@ -249,7 +267,9 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
       "Examples:\n"
       "  silhouette-calibrate intrinsics --corners corners.csv --boards wall.yaml \\\n"
       "      --image-size 1280x960 --out cameras --draw residuals\n"
-      "  silhouette-calibrate intrinsics --from camera_info.yaml --view left --out cameras");
+      "  silhouette-calibrate intrinsics --from camera_info.yaml --view left --out cameras\n"
+      "  silhouette-calibrate intrinsics --from 615.3,615.1,319.5,239.5 --image-size 640x480 \\\n"
+      "      --view left --out cameras");
   command->callback([a, &run] { run = [a] { return RunIntrinsics(*a); }; });
 }
 

@@ -98,6 +98,32 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   ASSERT_TRUE(camera.ok()) << camera.status();
   EXPECT_EQ(camera->intrinsics().fy, 501);
   EXPECT_EQ(Calibrate("--from " + in + "/info.yaml --out " + in).exit_code, 2);
+
+  WriteFile(folder_ / "camera.xml", R"(<?xml version="1.0"?>
+<opencv_storage>
+<calibration_time>"today"</calibration_time>
+<image_width>640</image_width> <image_height>480</image_height>
+<camera_matrix type_id="opencv-matrix"><rows>3</rows><cols>3</cols><dt>d</dt>
+  <data>500. 0. 320. 0. 502.25 240. 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-matrix"><rows>5</rows><cols>1</cols><dt>d</dt>
+  <data>-0.25 0.1 0. 0. 0.0625</data></distortion_coefficients>
+</opencv_storage>
+)");
+  ASSERT_EQ(Calibrate("--from " + in + "/camera.xml --view front --out " + in).exit_code, 0);
+  const auto xml = CameraFromText(ContentOf(folder_ / "front.cameramodel"), "front");
+  ASSERT_TRUE(xml.ok()) << xml.status();
+  EXPECT_EQ(xml->intrinsics().fy, 502.25);
+  EXPECT_EQ(xml->intrinsics().distortion[4], 0.0625);
+  WriteFile(folder_ / "broken.xml", "<?xml version=\"1.0\"?>\n<opencv_storage><a>");
+  EXPECT_EQ(Calibrate("--from " + in + "/broken.xml --view front --out " + in).exit_code, 2);
+
+  const std::string numbers = "--from 615.5,615.25,319.5,239.5 --view top --out " + in;
+  EXPECT_THAT(Calibrate(numbers).out, HasSubstr("does not say the images' size"));
+  ASSERT_EQ(Calibrate(numbers + " --image-size 640x480").exit_code, 0);
+  const auto bare = CameraFromText(ContentOf(folder_ / "top.cameramodel"), "top");
+  ASSERT_TRUE(bare.ok()) << bare.status();
+  EXPECT_EQ(bare->intrinsics().fy, 615.25);
+  EXPECT_EQ(bare->intrinsics().cx, 319.5);
 }
 
 }  // namespace
