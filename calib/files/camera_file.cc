@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "calib/camera/equidistant_lens.h"
 #include "calib/files/calibration_message.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
@@ -159,6 +160,9 @@ absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::s
 
 namespace {
 
+// Pixels by which a lens that is converted may be off: little beside what calibrations leave.
+constexpr double kMostFisheyeError = 0.1;
+
 // cv::FileStorage begins its files with "%YAML:1.0", which is no YAML; the line stays, for the
 // numbers in messages.
 std::string AsYaml(std::string text) {
@@ -241,6 +245,25 @@ void SetDistortion(const YamlNode& node, CameraIntrinsics& intrinsics) {
   node.Fail(absl::StrCat("0, 4, 5, 8, 12 or 14 values are expected, not ", d.size()));
 }
 
+// An equidistant lens by its four coefficients.
+ForeignCamera FromEquidistant(const YamlNode& node, const CameraIntrinsics& pinhole,
+                              const std::string& format) {
+  const std::vector<double> k = MatrixOf(node);
+  if (k.size() != 4) {
+    node.Fail(absl::StrCat("an equidistant lens has 4 coefficients, not ", k.size()));
+  }
+  try {
+    const EquidistantFit fit = NearestToEquidistant(pinhole, {k[0], k[1], k[2], k[3]});
+    if (fit.worst <= kMostFisheyeError) return {CameraModel(fit.intrinsics), format, fit.worst};
+    node.Fail(
+        absl::StrFormat("the nearest lens of OpenCV is off by %.2g pixels, at most %.2g are "
+                        "accepted; crop the images, or calibrate with LENSMODEL_OPENCV8",
+                        fit.worst, kMostFisheyeError));
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+}
+
 void SetSize(const YamlNode& place, std::optional<std::array<int, 2>> stated,
              const ForeignCameraOptions& options, CameraIntrinsics& intrinsics) {
   if (!stated && !options.image_size) {
@@ -261,23 +284,24 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
                          const ForeignCameraOptions& options) {
   CameraIntrinsics intrinsics;
   std::string format = "OpenCV";
+  bool equidistant = false;
   SetMatrix(matrix, intrinsics);
   if (const auto model = map.Optional("distortion_model")) {
     format = "ROS";
     const auto name = model->As<std::string>();
-    if (name != "plumb_bob" && name != "rational_polynomial" && !name.empty()) {
+    equidistant = name == "equidistant" || name == "fisheye";
+    if (!equidistant && name != "plumb_bob" && name != "rational_polynomial" && !name.empty()) {
       model->Fail(absl::StrCat("the distortion model '", name,
-                               "' is not held; use plumb_bob or rational_polynomial"));
+                               "' is not held; use plumb_bob, rational_polynomial or equidistant"));
     }
   }
-  if (const auto fisheye = map.Optional("fisheye_model");
-      fisheye && fisheye->As<std::string>() != "0" && fisheye->As<std::string>() != "false") {
-    fisheye->Fail("fisheye lenses are not held");
+  if (const auto fisheye = map.Optional("fisheye_model")) {
+    const auto value = fisheye->As<std::string>();
+    equidistant = equidistant || (value != "0" && value != "false");
   }
   const auto distortion =
       AnyOf(map, {"distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
   if (!distortion) map.Required("distortion_coefficients");
-  SetDistortion(*distortion, intrinsics);
   std::optional<std::array<int, 2>> size;
   const auto width = AnyOf(map, {"image_width", "image_Width", "width"});
   const auto height = AnyOf(map, {"image_height", "image_Height", "height"});
@@ -287,6 +311,8 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
     size = {values[0], values[1]};
   }
   SetSize(map.node(), size, options, intrinsics);
+  if (equidistant) return FromEquidistant(*distortion, intrinsics, format);
+  SetDistortion(*distortion, intrinsics);
   return {CameraModel(intrinsics), format};
 }
 
@@ -295,23 +321,23 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   const YamlNode model = map.Required("camera_model");
   if (model.As<std::string>() != "pinhole") {
     model.Fail(absl::StrCat("the camera model '", model.As<std::string>(),
-                            "' is not held; calibrate with pinhole and radtan"));
+                            "' is not held; calibrate with pinhole and radtan or equi"));
   }
   const YamlNode distortion = map.Required("distortion_model");
   const auto name = distortion.As<std::string>();
-  if (name != "radtan" && name != "none") {
-    distortion.Fail(
-        absl::StrCat("the distortion model '", name, "' is not held; calibrate with radtan"));
+  if (name != "radtan" && name != "none" && name != "equidistant" && name != "equi") {
+    distortion.Fail(absl::StrCat("the distortion model '", name,
+                                 "' is not held; calibrate with radtan or equi"));
   }
   const std::vector<double> k = map.Required("intrinsics").Values<double>(4);
   CameraIntrinsics intrinsics{.fx = k[0], .fy = k[1], .cx = k[2], .cy = k[3]};
-  if (name == "radtan") {
-    const YamlNode coefficients = map.Required("distortion_coeffs");
-    coefficients.Items(4);
-    SetDistortion(coefficients, intrinsics);
-  }
   const std::vector<int> size = map.Required("resolution").Values<int>(2);
   SetSize(node, std::array<int, 2>{size[0], size[1]}, options, intrinsics);
+  if (name == "none") return {CameraModel(intrinsics), "Kalibr"};
+  const YamlNode coefficients = map.Required("distortion_coeffs");
+  coefficients.Items(4);
+  if (name != "radtan") return FromEquidistant(coefficients, intrinsics, "Kalibr");
+  SetDistortion(coefficients, intrinsics);
   return {CameraModel(intrinsics), "Kalibr"};
 }
 

@@ -98,9 +98,15 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
       {{"from", read.format},
        {"focal_lengths", {k.fx, k.fy}},
        {"image_size", {k.width, k.height}},
+       {"converted_px", read.converted},
        {"file", file}},
       absl::StrCat(read.format, "'s camera of ", k.width, "x", k.height, " pixels, focal lengths ",
                    k.fx, ", ", k.fy, "; wrote ", file, "\n",
+                   read.converted == 0
+                       ? ""
+                       : absl::StrFormat("Converted from an equidistant lens: off by at most %.2g "
+                                         "pixels.\n",
+                                         read.converted),
                    read.format == "mrcal" ? "" : "Its pose is not set; `poses` finds it.\n"));
   return kDone;
 }

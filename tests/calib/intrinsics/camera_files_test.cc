@@ -166,6 +166,13 @@ TEST(ForeignCameraFile, OfKalibrIsReadByTheCamerasName) {
               ElementsAre(-0.28, 0.07, 0.0002, 1.7e-05, 0, 0, 0, 0));
 }
 
+TEST(ForeignCameraFile, EquidistantLensIsConvertedAndSaysHowWell) {
+  const auto read = CameraFromForeignText(kKalibr, "camchain.yaml", {.camera = "cam1"});
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_GT(read->converted, 0);
+  EXPECT_LT(read->converted, 0.1);
+}
+
 TEST(ForeignCameraFile, SaysWhatItDoesNotHold) {
   const auto refusal = [](std::string text, const ForeignCameraOptions& options = {},
                           const std::string& from = "", const std::string& to = "") {
@@ -174,12 +181,12 @@ TEST(ForeignCameraFile, SaysWhatItDoesNotHold) {
     EXPECT_EQ(read.status().code(), absl::StatusCode::kInvalidArgument);
     return std::string(read.status().message());
   };
-  EXPECT_THAT(refusal(kKalibr, {.camera = "cam1"}),
-              AllOf(HasSubstr("c.yaml:12"), HasSubstr("'equidistant' is not held")));
+  EXPECT_THAT(refusal(kKalibr, {.camera = "cam1"}, "equidistant", "fov"),
+              AllOf(HasSubstr("c.yaml:12"), HasSubstr("'fov' is not held")));
   EXPECT_THAT(refusal(kKalibr),
               HasSubstr("say which camera is meant; there are 'cam0' and 'cam1'"));
   EXPECT_THAT(refusal(kRos, {}, "rational_polynomial", "equidistant"),
-              HasSubstr("'equidistant' is not held"));
+              HasSubstr("an equidistant lens has 4 coefficients, not 8"));
   EXPECT_THAT(refusal(kOpenCv, {}, "image_width: 1280", ""), HasSubstr("images' size"));
   EXPECT_THAT(refusal(kOpenCv, {.image_size = {{640, 480}}}), HasSubstr("not of 640x480"));
   EXPECT_THAT(refusal(kOpenCv, {}, "[ -0.2,", "[ "), HasSubstr("c.yaml:"));

@@ -117,6 +117,14 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   WriteFile(folder_ / "broken.xml", "<?xml version=\"1.0\"?>\n<opencv_storage><a>");
   EXPECT_EQ(Calibrate("--from " + in + "/broken.xml --view front --out " + in).exit_code, 2);
 
+  WriteFile(folder_ / "chain.yaml",
+            "cam0:\n  camera_model: pinhole\n  distortion_model: equidistant\n"
+            "  distortion_coeffs: [-0.0033, 0.0007, -0.0021, 0.0002]\n"
+            "  intrinsics: [461.6, 460.2, 362.7, 248.1]\n  resolution: [752, 480]\n");
+  const Ended fisheye = Calibrate("--from " + in + "/chain.yaml --view wide --out " + in);
+  ASSERT_EQ(fisheye.exit_code, 0) << fisheye.out;
+  EXPECT_THAT(fisheye.out, HasSubstr("Converted from an equidistant lens: off by at most"));
+
   const std::string numbers = "--from 615.5,615.25,319.5,239.5 --view top --out " + in;
   EXPECT_THAT(Calibrate(numbers).out, HasSubstr("does not say the images' size"));
   ASSERT_EQ(Calibrate(numbers + " --image-size 640x480").exit_code, 0);
