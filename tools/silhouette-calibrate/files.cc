@@ -66,9 +66,20 @@ absl::StatusOr<std::vector<Board>> ReadBoards(const std::string& file) {
   return BoardsFromText(text, file);
 }
 
-absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file) {
+absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file, double sigma) {
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-  return SightingsFromText(text, file);
+  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, SightingsFromText(text, file));
+  if (sigma == 0) return sightings;
+  for (TagSighting& sighting : sightings) sighting.sigma = sigma;
+  return sightings;
+}
+
+void AddSigmaOption(CLI::App& command, double& sigma) {
+  command
+      .add_option("--sigma", sigma,
+                  "Standard deviation of all corners per axis, in pixels; default: each tag's in "
+                  "--corners, by the image's noise. State more where print, paper or lens err")
+      ->check(CLI::PositiveNumber);
 }
 
 absl::Status ReplaceFile(const std::string& path, const std::string& text) {

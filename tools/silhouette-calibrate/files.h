@@ -2,6 +2,7 @@
 // The files that the commands read and write.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <string>
 #include <vector>
 
@@ -19,7 +20,11 @@ namespace silhouette {
 
 // Errors of the readers: NotFound, and InvalidArgument with file and line.
 absl::StatusOr<std::vector<Board>> ReadBoards(const std::string& file);
-absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file);
+// `sigma`: of all corners, in place of the file's; 0: the file's.
+absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file, double sigma = 0);
+
+// --sigma, for ReadSightings.
+void AddSigmaOption(CLI::App& command, double& sigma);
 
 // Writes the file in one step: a reader sees the old or the new one. As WriteWholeFile.
 absl::Status ReplaceFile(const std::string& path, const std::string& text);

@@ -263,6 +263,7 @@ ordered_json PairsJson(const std::vector<PairedView>& views, const std::vector<P
 
 struct FundamentalArguments {
   std::string corners;
+  double sigma = 0;
   ViewSources sources;
   PairSettings settings;
   bool skip_refused = false;
@@ -289,7 +290,7 @@ absl::StatusOr<Found> Find(const FundamentalArguments& arguments) {
   Found found{.sightings = {},
               .calibration = {.views = {}, .pairs = {}, .cameras = arguments.sources.cameras}};
   if (!arguments.corners.empty()) {
-    ASSIGN_OR_RETURN(found.sightings, ReadSightings(arguments.corners));
+    ASSIGN_OR_RETURN(found.sightings, ReadSightings(arguments.corners, arguments.sigma));
   }
   ASSIGN_OR_RETURN(found.calibration.views, PairedViews(arguments.sources, found.sightings));
   found.calibration.pairs = FindPairs(found.calibration.views, found.sightings, arguments.settings);
@@ -432,6 +433,7 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   command->add_option("--corners", a.corners,
                       "Corners of tags (CSV), for weak calibration; with --cameras "
                       "they test the camera models");
+  AddSigmaOption(*command, a.sigma);
   command->add_option("--cameras", a.sources.cameras, "Folder of camera models, VIEW.cameramodel");
   command->add_option("--cell", a.sources.cell,
                       "The cell file: names of the views, sizes of images and masks");

@@ -29,6 +29,7 @@ namespace fs = std::filesystem;
 
 struct IntrinsicsArguments {
   std::string corners;
+  double sigma = 0;
   std::string boards;
   std::vector<std::string> board_names;
   std::vector<std::string> views;
@@ -163,7 +164,8 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
   }
   Input input;
   RETURN_IF_ERROR(TakeBoards(arguments, input));
-  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings, ReadSightings(arguments.corners));
+  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings,
+                   ReadSightings(arguments.corners, arguments.sigma));
   std::set<std::string> seen;
   for (const TagSighting& sighting : sightings) seen.insert(sighting.view);
   std::vector<std::string> views = arguments.views;
@@ -238,6 +240,7 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
       "Find the cameras' lenses from images of boards, or read them from other files");
   auto a = std::make_shared<IntrinsicsArguments>();
   command->add_option("--corners", a->corners, "The corners that `detect` found, CSV");
+  AddSigmaOption(*command, a->sigma);
   command->add_option("--boards", a->boards, "The boards that were seen, YAML");
   command->add_option("--board", a->board_names, "Use these boards only")->delimiter(',');
   command->add_option("--view", a->views, "Use these views only")->delimiter(',');

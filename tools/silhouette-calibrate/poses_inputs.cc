@@ -239,13 +239,14 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   ASSIGN_OR_RETURN(problem.robot_noise, NoiseFrom(sources.robot_sigma));
   RETURN_IF_ERROR(ReadViews(sources, problem));
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
-  ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners));
+  ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
   ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources));
   return problem;
 }
 
 void AddPoseSources(CLI::App& command, PoseSources& s) {
   command.add_option("--corners", s.corners, "Corners of tags (CSV)")->required();
+  AddSigmaOption(command, s.sigma);
   command.add_option("--boards", s.boards, "The boards (YAML)")->required();
   command
       .add_option("--cameras", s.cameras,

@@ -16,6 +16,7 @@ namespace silhouette {
 // Files and names; empty: not given.
 struct PoseSources {
   std::string corners;
+  double sigma = 0;  // of corners, as for ReadSightings
   std::string boards;
   std::string cameras;      // folder
   std::string robot_poses;  // a file of poses, or a pattern or folder of files of one each, or

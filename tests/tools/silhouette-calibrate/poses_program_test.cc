@@ -74,6 +74,11 @@ TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const Json result = Json::parse(outcome.out);
   EXPECT_NEAR(result["chi2_per_dof"].get<double>(), 1, 0.25);
+  const Ended doubted = Run(absl::StrCat(
+      kFiles,
+      "--robot-poses poses.csv --flange-board flange --out other --format json --sigma 0.5"));
+  ASSERT_EQ(doubted.exit_code, 0) << doubted.err;
+  EXPECT_LT(Json::parse(doubted.out)["chi2_per_dof"].get<double>(), 0.8);
   ASSERT_EQ(result["views"].size(), 4u);
   EXPECT_LT(result["views"][0]["workspace_sigma_mm"], 0.6);
   EXPECT_EQ(result["boards"][0]["name"], "flange");
