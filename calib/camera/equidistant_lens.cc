@@ -29,9 +29,10 @@ double FarthestCorner(const CameraIntrinsics& in) {
 // The angle at which the farthest corner sees.
 double WidestAngle(const CameraIntrinsics& in, const std::array<double, 4>& k) {
   const double corner = FarthestCorner(in);
-  constexpr double kAngleStep = kWidest / 10000;
+  constexpr int kAngles = 10000;
   double before = 0;
-  for (double angle = kAngleStep; angle <= kWidest; angle += kAngleStep) {
+  for (int step = 1; step <= kAngles; ++step) {
+    const double angle = kWidest * step / kAngles;
     const double distance = DistanceAt(angle, k);
     if (!(distance > before)) {
       throw std::invalid_argument(

@@ -151,8 +151,8 @@ absl::StatusOr<Eigen::Isometry3d> PoseNotation::Pose(std::span<const double> val
   if (matrix) {
     position = {values[3], values[7], values[11]};
     turn.clear();
-    for (size_t row = 0; row < 3; ++row) {
-      turn.insert(turn.end(), values.begin() + 4 * row, values.begin() + 4 * row + 3);
+    for (const int from : {0, 4, 8}) {
+      turn.insert(turn.end(), values.begin() + from, values.begin() + from + 3);
     }
     turn.insert(turn.end(), values.begin() + 12, values.end());
   }

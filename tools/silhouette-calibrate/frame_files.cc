@@ -50,7 +50,7 @@ std::regex GroupsOf(const std::string& pattern) {
 std::string FrameOf(const std::string& path, const std::string& pattern) {
   std::smatch match;
   if (pattern.find('*') != std::string::npos && std::regex_match(path, match, GroupsOf(pattern))) {
-    const std::string frame =
+    std::string frame =
         absl::StrJoin(std::vector<std::string>(match.begin() + 1, match.end()), "_");
     if (frame.find_first_not_of('_') != std::string::npos) return frame;
   }
