@@ -42,9 +42,11 @@ std::vector<std::string> Words(absl::string_view line) {
 std::string AsCsv(const std::string& text) {
   std::vector<std::string> lines = absl::StrSplit(text, '\n');
   for (std::string& line : lines) {
-    const absl::string_view content = absl::StripAsciiWhitespace(line);
-    if (absl::StartsWith(content, "#")) line.clear();
-    if (content.find(',') == absl::string_view::npos) line = absl::StrJoin(Words(line), ",");
+    if (absl::StartsWith(absl::StripLeadingAsciiWhitespace(line), "#")) {
+      line.clear();
+    } else if (line.find(',') == std::string::npos) {
+      line = absl::StrJoin(Words(line), ",");
+    }
   }
   return absl::StrJoin(lines, "\n");
 }
