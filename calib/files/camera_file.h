@@ -47,15 +47,15 @@ absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string&
 // Camera files of other programs. Their keys tell the formats apart:
 //
 //   mrcal     .cameramodel, as above; the only one whose pose is kept
-//   OpenCV    YAML or XML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width, ...
-//             fisheye_model too
+//   OpenCV    YAML or XML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width,
+//             image_height; fisheye_model too
 //   ROS       camera_info as YAML: distortion_model plumb_bob, rational_polynomial or equidistant;
 //             K and D too
 //   Kalibr    camchain: cam0, cam1, ...: camera_model pinhole, distortion_model radtan, equidistant
 //             or none
 //
-// Of these only lenses that CameraModel holds are read: exactly, or equidistant ones to a tenth of a
-// pixel (NearestToEquidistant).
+// Of these only lenses that CameraModel holds are read: exactly, or equidistant ones to a tenth of
+// a pixel (NearestToEquidistant).
 struct ForeignCamera {
   CameraModel camera;
   std::string format;    // "mrcal", "OpenCV", "ROS" or "Kalibr"
