@@ -122,8 +122,8 @@ TEST_F(DrawnIndexTest, MapByTheIndexIsTheMapThatIsDrawn) {
       }
     }
   }
-  EXPECT_GT(free, 1000u);
-  EXPECT_GT(occupied, 1000u);
+  EXPECT_GT(free, static_cast<uint64_t>(SampleCount(1000)));
+  EXPECT_GT(occupied, static_cast<uint64_t>(SampleCount(1000)));
 }
 
 TEST_F(DrawnIndexTest, ImagesOfAnotherRobotCalibrationOrRegionAreNotUsedAndTheServerSaysWhy) {

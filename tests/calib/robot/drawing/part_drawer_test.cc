@@ -277,8 +277,8 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
       }
     }
   }
-  EXPECT_GT(rim, static_cast<size_t>(SampleCount(3000)));
-  EXPECT_GT(beside, static_cast<size_t>(SampleCount(3000)));
+  EXPECT_GT(rim, static_cast<size_t>(SampleCount(1500)));
+  EXPECT_GT(beside, static_cast<size_t>(SampleCount(1500)));
 }
 
 TEST(PartDrawer, BodyBehindTheCameraIsNotSeen) {
