@@ -57,5 +57,6 @@ void AddIndex(CLI::App& app, Work& work);
 void AddDiff(CLI::App& app, Work& work);
 void AddMerge(CLI::App& app, Work& work);
 void AddCalibration(CLI::App& app, Work& work);
+void AddAudit(CLI::App& app, Work& work);
 
 }  // namespace silhouette

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
   Work work;
   for (const auto add :
        {AddInfo, AddVerify, AddCoverage, AddShow, AddSheet, AddVariants, AddStats, AddExport,
-        AddImport, AddIndex, AddCompact, AddDiff, AddMerge, AddCalibration}) {
+        AddImport, AddIndex, AddCompact, AddDiff, AddMerge, AddCalibration, AddAudit}) {
     add(app, work);
   }
   return RunProgram(app, argc, argv, work);

@@ -26,7 +26,7 @@ const fs::path kBuild = SILHOUETTE_BUILD_DIR;
 const std::vector<std::string> kRooms = {"proto",   "db",     "common",  "calib",
                                          "capture", "server", "clients", "tools"};
 // What clients/ may use of the other rooms.
-const Names kForClients = {"proto", "db/mask", "calib/camera", "calib/robot/drawing"};
+const Names kForClients = {"proto", "proto/tls", "db/mask", "calib/camera", "calib/robot/drawing"};
 // The pure core knows the standard library and Eigen alone.
 const Names kPureCore = {"db/mask", "db/index", "calib/camera", "calib/robot/drawing",
                          "server/collision"};
@@ -41,6 +41,7 @@ const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
                                                        {"apriltag/", "apriltag"},
                                                        {"cairo/", "cairo"},
                                                        {"lmdb.h", "lmdb"},
+                                                       {"openssl/", "OpenSSL"},
                                                        {"lz4.h", "lz4"},
                                                        {"pybind11/", "pybind11"},
                                                        {"xxhash.h", "xxhash"},
