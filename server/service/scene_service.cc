@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "db/status/status_macros.h"
+#include "server/gate/caller.h"
 #include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
 #include "server/service/defects.h"
@@ -73,7 +74,7 @@ class SceneService final : public v1::SceneService::CallbackService {
             "mix; start it without --live to publish scenes");
       });
     }
-    return AnswerOnWorker(serving_, context, [this, request, response, arrived]() -> absl::Status {
+    return AnswerOnWorker(serving_, context, [=, this]() -> absl::Status {
       const ServingSettings& settings = serving_.settings;
       ASSIGN_OR_RETURN(const SceneInput input, SceneInputFrom(*request, settings.scene, arrived));
       const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
@@ -81,6 +82,7 @@ class SceneService final : public v1::SceneService::CallbackService {
                        MakeScene(*database, input, settings.scene, settings.segmentation, arrived));
       ASSIGN_OR_RETURN(const SharedScene published,
                        serving_.publisher.Publish(std::move(scene), database));
+      serving_.AuditFirst(CallerOf(*context), "scene.source", "publishes scenes");
       ToMessage(*published, /*include_planes=*/false,
                 DefectsOf(*published, settings, settings.clock()), response->mutable_scene());
       return absl::OkStatus();
@@ -145,6 +147,8 @@ class SceneService final : public v1::SceneService::CallbackService {
         serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
         spdlog::info("{} reports that the robot's variant {}", context->peer(),
                      request->changing() ? "is changing" : "is '" + request->variant() + "'");
+        serving_.Audit(CallerOf(*context), "variant.change",
+                       request->changing() ? "is changing" : "is '" + request->variant() + "'");
       }
       ToMessage(known, variants, response->mutable_robot_variant());
       response->set_last_scene_before(serving_.scenes.last_withdrawn());
@@ -164,6 +168,10 @@ class SceneService final : public v1::SceneService::CallbackService {
                                              DurationFrom(request->duration()), now, database));
       spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region.name,
                    absl::FormatDuration(region.end - now.running), PixelCounts(region, *database));
+      serving_.Audit(
+          CallerOf(*context), "region.allow",
+          absl::StrCat("'", region.name, "' for ", absl::FormatDuration(region.end - now.running),
+                       ": ", PixelCounts(region, *database)));
       ToMessage(region, *database, serving_.settings.clock(), response->mutable_region());
       return absl::OkStatus();
     });
@@ -174,7 +182,10 @@ class SceneService final : public v1::SceneService::CallbackService {
                                          v1::RevokeRegionResponse* response) override {
     return AnswerHere(context, [=, this] {
       const bool was_in_force = serving_.scenes.Revoke(request->name(), serving_.settings.clock());
-      if (was_in_force) spdlog::info("{} revokes region '{}'", context->peer(), request->name());
+      if (was_in_force) {
+        spdlog::info("{} revokes region '{}'", context->peer(), request->name());
+        serving_.Audit(CallerOf(*context), "region.revoke", "'" + request->name() + "'");
+      }
       response->set_was_in_force(was_in_force);
       return absl::OkStatus();
     });

@@ -23,6 +23,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "server/gate/credentials.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -170,6 +171,19 @@ class HealthReport : public Watcher {
 
 }  // namespace
 
+namespace {
+
+// Until GuardSocket has set its group and mode, a socket is this user's alone.
+std::unique_ptr<grpc::Server> StartGuarded(grpc::ServerBuilder& builder, const GateSettings& gate) {
+  if (!gate.socket_mode && gate.socket_group.empty()) return builder.BuildAndStart();
+  const mode_t before = umask(0177);
+  std::unique_ptr<grpc::Server> started = builder.BuildAndStart();
+  umask(before);
+  return started;
+}
+
+}  // namespace
+
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
     : serving_(std::move(database), std::move(settings)),
       services_{NewCollisionService(serving_), NewSceneService(serving_),
@@ -178,6 +192,7 @@ Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings s
 absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
+  RETURN_IF_ERROR(CheckGate(address, settings.gate));
   RETURN_IF_ERROR(CheckListenAddress(address));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -187,9 +202,16 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
                      Metrics::Start(server->serving_.settings.metrics, server->serving_));
     server->metrics_ = std::move(metrics);
   }
+  Serving& serving = server->serving_;
+  const GateSettings& gate = serving.settings.gate;
+  ASSIGN_OR_RETURN(
+      const auto credentials,
+      CredentialsFor(gate, [&serving](const std::string& who, const std::string& call) {
+        serving.AuditFirst(who, "call.denied", call);
+      }));
   grpc::ServerBuilder builder;
   int port = 0;
-  builder.AddListeningPort(address, grpc::InsecureServerCredentials(), &port);
+  builder.AddListeningPort(address, credentials, &port);
   // Two servers on one port would take turns.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   // Clients may ask for signs of life as often as they like, on streams that say nothing too.
@@ -201,11 +223,12 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   builder.SetMaxReceiveMessageSize(kMaxRequestBytes);
   builder.SetMaxSendMessageSize(kMaxRequestBytes);
   for (const auto& service : server->services_) builder.RegisterService(service.get());
-  server->server_ = builder.BuildAndStart();
+  server->server_ = StartGuarded(builder, gate);
   if (server->server_ == nullptr || port == 0) {
     return absl::FailedPreconditionError(
         absl::StrCat("cannot listen on ", address, "; choose another address"));
   }
+  RETURN_IF_ERROR(GuardSocket(address, gate));
   const bool unix_socket = address.starts_with("unix:");
   server->address_ =
       unix_socket ? address : absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
@@ -215,6 +238,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
         v1::DatabaseService::service_full_name()}) {
     health->SetServingStatus(name, true);
   }
+  serving.Audit("server", "server.start",
+                absl::StrCat("listens on ", server->address_, ", database generation ",
+                             serving.scenes.database()->generation()));
   server->health_ = std::make_shared<HealthReport>(server->serving_, *health);
   server->serving_.watches.Add(server->health_);
   return server;
@@ -231,10 +257,18 @@ Server::~Server() {
 
 void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {
   if (serving_.settings.live != nullptr) serving_.settings.live->NoteVariants(database->variants());
+  const uint64_t former = serving_.scenes.database()->generation();
+  serving_.Audit("server", "database.reload",
+                 absl::StrCat("generation ", former, " replaced by ", database->generation()));
   serving_.scenes.ReplaceDatabase(std::move(database));
 }
 
 void Server::SetTrust(std::shared_ptr<const CalibrationTrust> trust) {
+  const auto former = serving_.scenes.trust();
+  if (trust != nullptr && (former == nullptr || former->holds != trust->holds ||
+                           former->fingerprint != trust->fingerprint)) {
+    serving_.Audit("server", "calibration.check", trust->message);
+  }
   serving_.scenes.SetTrust(std::move(trust));
 }
 
@@ -246,6 +280,7 @@ void Server::Stop(absl::Duration grace) {
   server_->Shutdown(std::chrono::system_clock::now() + absl::ToChronoNanoseconds(bounded));
   server_->Wait();
   server_.reset();
+  serving_.Audit("server", "server.stop", "");
 }
 
 }  // namespace silhouette

@@ -32,8 +32,8 @@ class Server {
   // Greatest request: camera images of all views.
   static constexpr int kMaxRequestBytes = 64 << 20;
 
-  // Starts to listen; see CheckListenAddress for `address` and the errors, and Metrics for those
-  // of metrics.
+  // Starts to listen; see CheckListenAddress for `address` and the errors, CheckGate,
+  // CredentialsFor and GuardSocket for those of settings.gate, and Metrics for those of metrics.
   static absl::StatusOr<std::unique_ptr<Server>> Start(
       const std::string& address, std::shared_ptr<const ServedDatabase> database,
       ServingSettings settings);

@@ -16,6 +16,7 @@
 #include <memory>
 #include <mutex>
 #include <set>
+#include <string>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -129,6 +130,16 @@ struct Serving {
     index_check.Start();
   }
 
+  // Records a change, or what may come often (AuditLog::NoteFirst), if changes are recorded. `who`:
+  // CallerOf the call, or "server".
+  void Audit(const std::string& who, const std::string& what, const std::string& detail) const {
+    if (settings.audit != nullptr) settings.audit->Note(EntryOf(who, what, detail));
+  }
+  void AuditFirst(const std::string& who, const std::string& what,
+                  const std::string& detail) const {
+    if (settings.audit != nullptr) settings.audit->NoteFirst(EntryOf(who, what, detail));
+  }
+
   const ServingSettings settings;
   SceneStore scenes;
   ScenePublisher publisher;
@@ -141,6 +152,13 @@ struct Serving {
   // Their tasks use the others. Watches have their own, so that they do not hold up scenes.
   WorkerPool watch_workers;
   WorkerPool workers;
+
+ private:
+  AuditEntry EntryOf(const std::string& who, const std::string& what,
+                     const std::string& detail) const {
+    const Moment now = settings.clock();
+    return {.time = now.time, .running = now.running, .who = who, .what = what, .detail = detail};
+  }
 };
 
 // The three services; `serving` must outlive them.

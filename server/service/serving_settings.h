@@ -9,7 +9,9 @@
 
 #include "absl/time/time.h"
 #include "capture/segmentation/settings.h"
+#include "server/audit/audit_log.h"
 #include "server/collision/policy.h"
+#include "server/gate/gate_settings.h"
 #include "server/live/live_record.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
@@ -44,6 +46,10 @@ struct ServingSettings {
   std::shared_ptr<LiveRecord> live;
   // host:port where metrics are served; empty: nowhere.
   std::string metrics;
+  // Who reaches the server, and how.
+  GateSettings gate;
+  // Where changes are recorded; null: nowhere.
+  std::shared_ptr<AuditLog> audit;
   // For calls, and as many for watches.
   int worker_threads = 2;
   // Tasks that may wait for a worker thread; more are turned away.

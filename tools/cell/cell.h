@@ -21,6 +21,7 @@
 #include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
 #include "server/collision/policy.h"
+#include "server/gate/gate_settings.h"
 #include "server/live/live_settings.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/sound_settings.h"
@@ -72,6 +73,8 @@ struct ServerSettings {
   // How images are taken, where the server takes them itself.
   LiveSettings live;
   std::string metrics;  // address:port where metrics are served; empty: nowhere
+  GateSettings gate;    // without `insecure`, which only the command line gives
+  std::string audit;    // file where changes are recorded; empty: nowhere
 };
 
 // Paths are absolute, or relative to the working directory; those in the file are relative to it.

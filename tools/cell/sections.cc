@@ -2,7 +2,9 @@
 #include "tools/cell/sections.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 namespace silhouette {
@@ -275,6 +277,45 @@ SeparationCell ReadSeparation(const YamlNode& node) {
   return cell;
 }
 
+namespace {
+
+TlsFiles ReadTlsFiles(const YamlNode& node, const std::filesystem::path& folder) {
+  YamlMap map(node);
+  TlsFiles files{.certificate = ResolvePath(folder, map.Get<std::string>("certificate")),
+                 .key = ResolvePath(folder, map.Get<std::string>("key")),
+                 .client_ca = ResolvePath(folder, map.Get<std::string>("client_ca"))};
+  map.Finish();
+  return files;
+}
+
+Roles ReadRoles(const YamlNode& node) {
+  YamlMap map(node);
+  std::map<Role, std::vector<std::string>> names;
+  for (const Role role : kRoles) {
+    map.Read(NameOf(role), names[role],
+             [](const YamlNode& clients) { return clients.Values<std::string>(); });
+  }
+  map.Finish();
+  try {
+    return Roles(std::move(names));
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+}
+
+// "0660"
+mode_t ReadMode(const YamlNode& node) {
+  const std::string text = node.As<std::string>();
+  mode_t mode = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), mode, 8);
+  if (error != std::errc() || end != text.data() + text.size() || mode > 0777) {
+    node.Fail("a file mode in octal digits is expected, e.g. \"0660\"");
+  }
+  return mode;
+}
+
+}  // namespace
+
 ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   ServerSettings server;
@@ -312,6 +353,13 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   map.Read("max_joint_movement", server.live.max_joint_movement, PositiveAngle);
   if (const auto live = map.Optional("live")) server.live = ReadLive(*live, server.live);
   server.metrics = map.Get<std::string>("metrics", server.metrics);
+  if (const auto tls = map.Optional("tls")) server.gate.tls = ReadTlsFiles(*tls, folder);
+  map.Read("roles", server.gate.roles, ReadRoles);
+  map.Read("socket_mode", server.gate.socket_mode, ReadMode);
+  map.Read("socket_group", server.gate.socket_group, &YamlNode::As<std::string>);
+  if (const auto audit = map.Optional("audit")) {
+    server.audit = ResolvePath(folder, audit->As<std::string>());
+  }
   map.Finish();
   return server;
 }

@@ -22,6 +22,8 @@
 #include "absl/strings/str_cat.h"
 #include "capture/session/travel.h"
 #include "db/status/status_macros.h"
+#include "server/audit/audit_log.h"
+#include "server/gate/credentials.h"
 #include "server/live/calibration_watch.h"
 #include "server/live/live_loop.h"
 #include "server/live/live_record.h"
@@ -47,6 +49,7 @@ struct Options {
   std::string calibration_check;               // empty: as in the cell file
   std::string metrics;                         // empty: as in the cell file
   bool live = false;
+  bool insecure = false;
   bool unverified = false;
   std::string obstacles;  // in the simulated cell; empty: none
 };
@@ -64,6 +67,19 @@ absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   const absl::Status& known = database.margins_known();
   if (known.ok()) return known;
   return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
+}
+
+// New connections use changed certificates anyway; here the log says whether they can.
+void ReportCertificates(const Cell& cell) {
+  if (!cell.server.gate.tls) return;
+  const absl::StatusOr<TlsTexts> texts = ReadTls(*cell.server.gate.tls);
+  if (texts.ok()) {
+    spdlog::info("certificate '{}' is valid until {}", cell.server.gate.tls->certificate,
+                 absl::FormatTime(texts->valid_until));
+  } else {
+    spdlog::error("certificates not renewed, still using the former ones: {}",
+                  std::string(texts.status().message()));
+  }
 }
 
 void Reload(const Cell& cell, const std::string& path, bool unverified, Server& server) {
@@ -91,6 +107,7 @@ void WaitForEnd(const Cell& cell, const std::string& path, bool unverified, Serv
     int signal = 0;
     if (sigwait(&signals, &signal) != 0) continue;
     if (signal != SIGHUP) return;
+    ReportCertificates(cell);
     Reload(cell, path, unverified, server);
   }
 }
@@ -134,6 +151,9 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
 absl::Status Serve(const Options& options) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
+  const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
+  cell.server.gate.insecure = options.insecure;
+  RETURN_IF_ERROR(CheckGate(listen, cell.server.gate));
   const std::string& path = cell.database;
   if (path.empty()) {
     return absl::InvalidArgumentError(
@@ -160,7 +180,10 @@ absl::Status Serve(const Options& options) {
   settings.metrics = options.metrics.empty() ? cell.server.metrics : options.metrics;
   if (options.live) settings.live = NewLiveRecord(cell);
   const std::shared_ptr<LiveRecord> live_record = settings.live;
-  const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
+  settings.gate = cell.server.gate;
+  if (!cell.server.audit.empty()) {
+    ASSIGN_OR_RETURN(settings.audit, AuditLog::Open(cell.server.audit));
+  }
   ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
                    Server::Start(listen, std::move(database), std::move(settings)));
   std::optional<CalibrationWatch> calibration_watch;
@@ -218,6 +241,9 @@ int Main(int argc, char** argv) {
   app.add_flag("--live", options.live,
                "Acquire images and joint values directly from the cell's devices.\n"
                "Disables PublishScene");
+  app.add_flag("--insecure", options.insecure,
+               "Speak plain text also on addresses that other machines reach: everyone there can\n"
+               "publish scenes and change what is free");
   app.add_flag("--unverified", options.unverified,
                "Serve robot images that are drawn from a model that captured images have not\n"
                "verified. Every answer says so");
@@ -232,7 +258,8 @@ int Main(int argc, char** argv) {
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database "
       "again.\n"
-      "Everyone who reaches the address can ask and publish scenes.\n\n"
+      "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
+      "then the address must be one of this machine alone, or --insecure be given.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/gate/caller.h"
+
+#include <grpc/grpc_security.h>
+#include <grpc/grpc_security_constants.h>
+
+#include <memory>
+
+#include "absl/strings/str_cat.h"
+#include "server/gate/roles.h"
+
+namespace silhouette {
+
+std::vector<std::string> NamesOf(const grpc_auth_context* context) {
+  std::vector<std::string> names;
+  if (context == nullptr || grpc_auth_context_peer_is_authenticated(context) == 0) return names;
+  for (const char* property : {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME}) {
+    grpc_auth_property_iterator values =
+        grpc_auth_context_find_properties_by_name(context, property);
+    while (const grpc_auth_property* value = grpc_auth_property_iterator_next(&values)) {
+      if (value->value_length > 0) names.emplace_back(value->value, value->value_length);
+    }
+  }
+  return names;
+}
+
+std::string CallerOf(grpc::CallbackServerContext& context) {
+  std::string address = Printable(context.peer());
+  if (address.starts_with("ip")) address = address.substr(0, address.rfind(':'));
+  const std::unique_ptr<grpc_auth_context, decltype(&grpc_auth_context_release)> auth(
+      grpc_call_auth_context(context.c_call()), grpc_auth_context_release);
+  const std::vector<std::string> names = NamesOf(auth.get());
+  return names.empty() ? address : absl::StrCat("'", Printable(names[0]), "' at ", address);
+}
+
+}  // namespace silhouette

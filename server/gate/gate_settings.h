@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who reaches a server, and how.
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+
+#include "server/gate/roles.h"
+
+namespace silhouette {
+
+// PEM files: the server's certificate (with those between it and its authority), its private key,
+// and the authorities that sign the certificates of clients.
+struct TlsFiles {
+  std::string certificate;
+  std::string key;
+  std::string client_ca;
+};
+
+struct GateSettings {
+  std::optional<TlsFiles> tls;  // nothing: plain text
+  Roles roles;                  // with tls: not empty; without: empty
+  // Whether plain text may be spoken beyond this machine.
+  bool insecure = false;
+  // Of a Unix socket, whose file decides who may connect. Nothing, empty: as the process makes
+  // files.
+  std::optional<mode_t> socket_mode;
+  std::string socket_group;
+};
+
+}  // namespace silhouette
