@@ -15,6 +15,7 @@
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
 #include "clients/cpp/server_clock.h"
+#include "proto/tls/channel_credentials.h"
 #include "silhouette/messages.h"
 
 namespace silhouette::client {
@@ -101,12 +102,16 @@ Client::Client(std::shared_ptr<const Connection> connection,
       timeout_(timeout),
       variant_(std::move(variant)) {}
 
-absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout) {
+absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout,
+                                       const ClientTls& tls) {
   if (absl::Status status = RequireAddress(address); !status.ok()) return status;
   if (timeout <= absl::ZeroDuration()) {
     return absl::InvalidArgumentError("the time for a call must be positive");
   }
-  auto connection = std::make_shared<const Connection>(address);
+  const auto credentials = ChannelCredentialsFor(
+      address, {.ca = tls.ca, .certificate = tls.certificate, .key = tls.key});
+  if (!credentials.ok()) return credentials.status();
+  auto connection = std::make_shared<const Connection>(address, *credentials, !tls.ca.empty());
   auto clock = std::make_shared<PublishingClock>(connection, timeout);
   return Client(std::move(connection), std::move(clock), timeout, /*variant=*/"");
 }

@@ -12,7 +12,8 @@
 namespace silhouette::client {
 namespace {
 
-std::shared_ptr<grpc::Channel> ChannelTo(const std::string& address) {
+std::shared_ptr<grpc::Channel> ChannelTo(
+    const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   // gRPC's least backoff is also the time for one attempt to connect, handshake included: a busy
@@ -28,7 +29,7 @@ std::shared_ptr<grpc::Channel> ChannelTo(const std::string& address) {
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 7000);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 0);
   arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, credentials, arguments);
 }
 
 }  // namespace
@@ -55,9 +56,11 @@ absl::Status Malformed(const std::string& address, absl::string_view what) {
                                           what, "; use a silhouette-server of this version"));
 }
 
-Connection::Connection(const std::string& address)
+Connection::Connection(const std::string& address,
+                       const std::shared_ptr<grpc::ChannelCredentials>& credentials, bool encrypted)
     : address_(address),
-      channel_(ChannelTo(address)),
+      encrypted_(encrypted),
+      channel_(ChannelTo(address, credentials)),
       collisions_(v1::CollisionService::NewStub(channel_)),
       scenes_(v1::SceneService::NewStub(channel_)),
       databases_(v1::DatabaseService::NewStub(channel_)) {}
@@ -68,6 +71,13 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
     case grpc::StatusCode::OK:
       return absl::OkStatus();
     case grpc::StatusCode::UNAVAILABLE:
+      if (encrypted_) {
+        return absl::UnavailableError(
+            absl::StrCat("no server answers at ", address_,
+                         ", or the server or this client refuses the other's "
+                         "certificate: wrong authority, wrong host, or expired (",
+                         status.error_message(), ")"));
+      }
       return absl::UnavailableError(absl::StrCat("no server answers at ", address_,
                                                  "; start silhouette-server or use --server"));
     case grpc::StatusCode::DEADLINE_EXCEEDED:

@@ -4,6 +4,7 @@
 
 #include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
+#include <grpcpp/security/credentials.h>
 
 #include <chrono>
 #include <memory>
@@ -76,7 +77,9 @@ class Cancellation {
 // A channel and its stubs; thread-safe like them.
 class Connection {
  public:
-  explicit Connection(const std::string& address);
+  // `encrypted`: whether the credentials are of TLS.
+  Connection(const std::string& address,
+             const std::shared_ptr<grpc::ChannelCredentials>& credentials, bool encrypted);
 
   const std::string& address() const { return address_; }
   v1::CollisionService::Stub& collisions() const { return *collisions_; }
@@ -130,6 +133,7 @@ class Connection {
   }
 
   const std::string address_;
+  const bool encrypted_;
   const std::shared_ptr<grpc::Channel> channel_;
   const std::unique_ptr<v1::CollisionService::Stub> collisions_;
   const std::unique_ptr<v1::SceneService::Stub> scenes_;

@@ -7,7 +7,7 @@
 # place of the headers that forward to them in the source tree.
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/silhouette)
 
-foreach(target IN ITEMS db_mask calib_camera calib_robot_drawing proto clients_cpp)
+foreach(target IN ITEMS db_mask calib_camera calib_robot_drawing proto proto_tls clients_cpp)
   install(TARGETS silhouette_${target} EXPORT silhouette
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client
     INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})

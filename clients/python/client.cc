@@ -344,16 +344,22 @@ void BindClient(py::module_& module) {
   BindWatch(module);
   py::class_<Client> type(module, "Client",
                           "The client of silhouette-server. Any number of threads may use one.");
-  type.def(py::init([](const std::string& address, double timeout, const std::string& variant) {
-             auto client = Client::Connect(address, absl::Seconds(timeout));
+  type.def(py::init([](const std::string& address, double timeout, const std::string& variant,
+                       const std::string& tls_ca, const std::string& tls_certificate,
+                       const std::string& tls_key) {
+             auto client =
+                 Client::Connect(address, absl::Seconds(timeout),
+                                 {.ca = tls_ca, .certificate = tls_certificate, .key = tls_key});
              if (!client.ok()) throw StatusError(client.status());
              return client->WithVariant(variant);
            }),
            py::arg("address") = client::kDefaultAddress, py::kw_only(), py::arg("timeout") = 10.0,
-           py::arg("variant") = "",
+           py::arg("variant") = "", py::arg("tls_ca") = "", py::arg("tls_certificate") = "",
+           py::arg("tls_key") = "",
            "Connects with the first call, and again after a lost connection.\n\n"
            "address: \"host:port\" or \"unix:path\".\ntimeout: seconds, for each call.\n"
-           "variant: of the robot, which checks use; empty: the scene's.")
+           "variant: of the robot, which checks use; empty: the scene's.\n"
+           "tls_ca, tls_certificate, tls_key: PEM files of an encrypted connection, all or none.")
       .def_property_readonly("address", &Client::address)
       .def(
           "with_timeout",

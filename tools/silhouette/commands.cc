@@ -7,7 +7,7 @@
 namespace silhouette {
 
 absl::StatusOr<Client> Session::Connect() const {
-  ASSIGN_OR_RETURN(const Client client, Client::Connect(server, absl::Seconds(timeout)));
+  ASSIGN_OR_RETURN(const Client client, Client::Connect(server, absl::Seconds(timeout), tls));
   return client.WithVariant(variant);
 }
 
@@ -16,6 +16,17 @@ void AddServerOptions(CLI::App& program, Session& session) {
       .add_option("--server", session.server, "Address of silhouette-server: host:port, unix:path")
       ->envname("SILHOUETTE_SERVER")
       ->capture_default_str();
+  program
+      .add_option("--tls-ca", session.tls.ca,
+                  "PEM file of the authority that signed the server's certificate. With it, "
+                  "--tls-certificate and --tls-key the connection is encrypted")
+      ->envname("SILHOUETTE_TLS_CA");
+  program
+      .add_option("--tls-certificate", session.tls.certificate,
+                  "PEM file of this client's certificate, whose name has a role on the server")
+      ->envname("SILHOUETTE_TLS_CERTIFICATE");
+  program.add_option("--tls-key", session.tls.key, "PEM file of its private key")
+      ->envname("SILHOUETTE_TLS_KEY");
   program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
       ->check(PositiveNumber())
       ->capture_default_str();

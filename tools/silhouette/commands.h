@@ -19,6 +19,7 @@ namespace silhouette {
 // What the shared options say, and what the chosen subcommand does.
 struct Session {
   std::string server = client::kDefaultAddress;
+  client::ClientTls tls;
   double timeout = 10;  // seconds for each call
   std::string format = "text";
   std::string variant;  // of robot images; empty: none is named
@@ -31,7 +32,8 @@ struct Session {
   absl::StatusOr<Client> Connect() const;
 };
 
-// --server (or the environment's SILHOUETTE_SERVER) and --timeout.
+// --server, --tls-ca, --tls-certificate and --tls-key (or the environment's SILHOUETTE_SERVER,
+// SILHOUETTE_TLS_CA and so on), and --timeout.
 void AddServerOptions(CLI::App& program, Session& session);
 
 // Of a subcommand that asks for verdicts: --format, --preset, --min-views, --max-occluded-views,

@@ -10,6 +10,7 @@
 //   Unavailable       no server answers there, or it went away before the answer was complete
 //   DeadlineExceeded  it did not answer in time
 //   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
+//   PermissionDenied  the server does not allow this client the call (its roles)
 //   Unimplemented     the server is older than this library: it does not know a call, or reports no
 //                     clearances
 //   Internal          the answer is malformed
@@ -51,6 +52,14 @@ namespace silhouette::client {
 
 inline constexpr char kDefaultAddress[] = "127.0.0.1:50051";
 
+// PEM files of an encrypted connection: the authority that signed the server's certificate, and the
+// client's own certificate and private key. All or none; none: plain text.
+struct ClientTls {
+  std::string ca;
+  std::string certificate;
+  std::string key;
+};
+
 class Connection;
 class PublishingClock;
 
@@ -58,10 +67,12 @@ class PublishingClock;
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
-  // form of the address (InvalidArgument). The first call connects; later calls reconnect if the
-  // connection was lost. Not encrypted.
+  // form of the address (InvalidArgument) and reads the files of `tls` (NotFound). The first call
+  // connects; later calls reconnect if the connection was lost, with the files as they are some
+  // seconds before. With `tls` the server's certificate must name the host of `address`.
   static absl::StatusOr<Client> Connect(const std::string& address,
-                                        absl::Duration timeout = absl::Seconds(10));
+                                        absl::Duration timeout = absl::Seconds(10),
+                                        const ClientTls& tls = {});
 
   // The same connection with another timeout.
   Client WithTimeout(absl::Duration timeout) const;

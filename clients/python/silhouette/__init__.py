@@ -25,6 +25,7 @@ from ._errors import (
     InvalidArgument,
     NotFound,
     OutOfRange,
+    PermissionDenied,
     ResourceExhausted,
     Unavailable,
     Unimplemented,
@@ -55,7 +56,7 @@ __all__ = [
     "Basis", "Cancelled", "Checks", "Client", "ConfigurationSpace", "DeadlineExceeded", "Defect",
     "Error", "Explanation", "FailedPrecondition", "Grid", "GridJoint", "Internal",
     "InvalidArgument", "LocalSpace", "MotionVerdict", "NotFound", "OutOfRange", "PathCheck", "PathPlace",
-    "PathProof", "PathUpdate", "PathWatch", "Policy", "Reason", "ResourceExhausted",
+    "PathProof", "PathUpdate", "PathWatch", "PermissionDenied", "Policy", "Reason", "ResourceExhausted",
     "SpaceSnapshot", "State", "Unavailable", "Unimplemented", "Verdict", "ViewEvidence",
     "ViewPictures",
 ]

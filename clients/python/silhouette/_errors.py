@@ -26,6 +26,10 @@ class FailedPrecondition(Error):
     """The server cannot do this as it is set up."""
 
 
+class PermissionDenied(Error, PermissionError):
+    """The server's roles do not allow this client the call."""
+
+
 class ResourceExhausted(Error):
     """The request or the answer is too large, or there are too many at once."""
 
