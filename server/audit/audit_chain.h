@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The audit file: one JSON object a line, each with the SHA-256 digest of the line before. A line
 // that is changed, removed or put in between no longer fits its neighbours. Lines cut off at the
-// end are missed only by whoever kept a later digest.
+// end are noticed only by who kept a later digest.
 #pragma once
 
 #include <cstdint>

@@ -36,7 +36,7 @@ Certificate FirstCertificate(const std::string& text) {
   return {PEM_read_bio_X509(bio.get(), nullptr, nullptr, nullptr), X509_free};
 }
 
-// Not of a key that a password protects: nobody is there to type it.
+// Not of a key that a password protects: no person is there to type it.
 Key PrivateKey(const std::string& text) {
   const Bio bio(BIO_new_mem_buf(text.data(), static_cast<int>(text.size())), BIO_free);
   const auto no_password = [](char*, int, int, void*) { return -1; };
