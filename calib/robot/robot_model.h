@@ -84,11 +84,10 @@ struct RobotLink : ChainLink {
 
 class RobotModel {
  public:
-  // Reads a URDF file and its meshes. `package://name/rest` is looked for as root/name/rest, and as
-  // root/rest where root itself is called name, in every root of `package_paths`; other mesh paths
-  // are relative to the file. NotFound: the file, a package or a mesh is not there.
-  // InvalidArgument: it is not URDF but xacro, say, or has a joint that floats, is planar, has no
-  // valid limits or mimics what it cannot. The message names what is meant and what would mend it.
+  // Reads a URDF file and its meshes (MeshPath). NotFound: the file, a package or a mesh is not
+  // there. InvalidArgument: it is not URDF but xacro, say, or has a joint that floats, is planar,
+  // has no valid limits or mimics what it cannot. The message names what is meant and what would
+  // mend it.
   static absl::StatusOr<RobotModel> FromUrdf(const std::string& path,
                                              std::span<const std::string> package_paths = {});
 

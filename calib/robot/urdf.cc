@@ -1,36 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 // RobotModel::FromUrdf.
-#include <console_bridge/console.h>
-#include <tinyxml.h>
 #include <urdf_model/model.h>
-#include <urdf_parser/urdf_parser.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <map>
-#include <mutex>
 #include <numbers>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "calib/robot/drawing/kinematic_chain.h"
+#include "calib/robot/mesh_path.h"
 #include "calib/robot/robot_model.h"
 #include "calib/robot/triangle_mesh.h"
+#include "calib/robot/urdf_text.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
-namespace fs = std::filesystem;
-
 // No link is as long as this, in metres.
 constexpr double kMostLength = 100;
+// Nor is a mesh as short.
+constexpr double kLeastMesh = 0.001;
 // Nor is a joint moved by as many times the joint that it mimics.
 constexpr double kMostMimic = 1000;
 constexpr char kMimic[] = "; name a joint that moves by itself, or make it type=\"fixed\"";
@@ -41,34 +35,6 @@ struct UrdfError {
   absl::Status status;
 };
 
-// Keeps what urdfdom complains about instead of printing it. Its message handler is one for the
-// whole process, hence the lock.
-class Complaints : public console_bridge::OutputHandler {
- public:
-  Complaints() : lock_(mutex()) { console_bridge::useOutputHandler(this); }
-  ~Complaints() override { console_bridge::restorePreviousOutputHandler(); }
-  Complaints(const Complaints&) = delete;
-  Complaints& operator=(const Complaints&) = delete;
-
-  void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
-           int /*line*/) override {
-    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR || count_ == 2) return;
-    absl::StrAppend(&first_, first_.empty() ? "" : "; ", text);
-    ++count_;
-  }
-  // The first two: what is wrong, and often where. Empty: there is none.
-  const std::string& first() const { return first_; }
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  std::lock_guard<std::mutex> lock_;
-  std::string first_;
-  int count_ = 0;
-};
-
 Eigen::Vector3d VectorOf(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
 
 Eigen::Isometry3d PoseOf(const urdf::Pose& pose) {
@@ -77,63 +43,8 @@ Eigen::Isometry3d PoseOf(const urdf::Pose& pose) {
          Eigen::Quaterniond(r.w, r.x, r.y, r.z).normalized();
 }
 
-std::string ReadText(const std::string& path) {
-  std::ifstream in(path);
-  if (!in || !fs::is_regular_file(path)) {
-    throw UrdfError{NotFound("the robot's file '" + path + "' does not exist or cannot be read")};
-  }
-  std::stringstream text;
-  text << in.rdbuf();
-  return text.str();
-}
-
 bool MimicsAnother(const urdf::Joint& joint) {
   return joint.mimic != nullptr && joint.type != urdf::Joint::FIXED;
-}
-
-// Whether anything in the element is for xacro to expand. Expanded files often declare its
-// namespace still.
-bool IsXacro(const TiXmlElement& element) {
-  if (element.ValueStr() == "gazebo") return false;  // the simulator's own
-  if (element.ValueStr().starts_with("xacro:")) return true;
-  for (const TiXmlAttribute* at = element.FirstAttribute(); at != nullptr; at = at->Next()) {
-    const std::string_view value = at->Value();
-    if (value.find("${") != value.npos || value.find("$(") != value.npos) return true;
-  }
-  for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
-       child = child->NextSiblingElement()) {
-    if (IsXacro(*child)) return true;
-  }
-  return false;
-}
-
-std::string ExpandedName(const std::string& path) {
-  const fs::path name = fs::path(path).filename();
-  if (name.extension() != ".xacro") return name.stem().string() + "_expanded.urdf";
-  return name.stem().extension() == ".urdf" ? name.stem().string() : name.stem().string() + ".urdf";
-}
-
-urdf::ModelInterfaceSharedPtr Parse(const std::string& path) {
-  const std::string text = ReadText(path);
-  TiXmlDocument document;
-  document.Parse(text.c_str());
-  if (document.Error()) {
-    throw UrdfError{InvalidArgument(path, ":", document.ErrorRow(),
-                                    ": not well-formed XML: ", document.ErrorDesc())};
-  }
-  if (document.RootElement() != nullptr && IsXacro(*document.RootElement())) {
-    throw UrdfError{InvalidArgument(path, ": this is xacro; expand it first: xacro ", path, " > ",
-                                    ExpandedName(path))};
-  }
-  Complaints complaints;
-  urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(text);
-  // An element that it cannot read is left out: that robot would have no body there.
-  if (model == nullptr || model->getRoot() == nullptr || !complaints.first().empty()) {
-    throw UrdfError{InvalidArgument(
-        path + ": not a valid URDF: " +
-        (complaints.first().empty() ? "there is no robot in it" : complaints.first()))};
-  }
-  return model;
 }
 
 }  // namespace
@@ -144,7 +55,9 @@ class UrdfReader {
       : path_(std::move(path)), package_paths_(package_paths) {}
 
   RobotModel Read() {
-    urdf_ = Parse(path_);
+    absl::StatusOr<urdf::ModelInterfaceSharedPtr> parsed = ParseUrdf(path_);
+    if (!parsed.ok()) throw UrdfError{parsed.status()};
+    urdf_ = *std::move(parsed);
     model_.name_ = urdf_->getName();
     RequireOneJointEach(*urdf_);
     AddLink(*urdf_->getRoot(), -1);
@@ -383,38 +296,25 @@ class UrdfReader {
   }
 
   MeshShape MeshOf(const std::string& link, const urdf::Mesh& urdf) const {
-    const std::string path = Resolve(link, urdf.filename);
+    const auto of_link = [&](const absl::Status& status) {
+      return UrdfError{absl::Status(
+          status.code(), absl::StrCat(path_, ": link '", link, "': ", status.message()))};
+    };
+    const absl::StatusOr<std::string> found = MeshPath(urdf.filename, path_, package_paths_);
+    if (!found.ok()) throw of_link(found.status());
+    const std::string& path = *found;
     absl::StatusOr<TriangleMesh> mesh = LoadMesh(path, VectorOf(urdf.scale));
-    if (!mesh.ok()) {
-      throw UrdfError{
-          absl::Status(mesh.status().code(),
-                       absl::StrCat(path_, ": link '", link, "': ", mesh.status().message()))};
-    }
+    if (!mesh.ok()) throw of_link(mesh.status());
     Eigen::AlignedBox3d box;
     for (const Eigen::Vector3d& vertex : mesh->vertices) box.extend(vertex);
-    RequireLength("the mesh '" + path + "' of link '" + link + "'", box.sizes().maxCoeff());
-    return MeshShape{path, std::make_shared<const TriangleMesh>(*std::move(mesh))};
-  }
-
-  std::string Resolve(const std::string& link, const std::string& name) const {
-    constexpr std::string_view kPackage = "package://";
-    constexpr std::string_view kFile = "file://";
-    if (name.starts_with(kFile)) return name.substr(kFile.size());
-    if (!name.starts_with(kPackage)) return (fs::path(path_).parent_path() / name).string();
-    const std::string rest = name.substr(kPackage.size());
-    const size_t slash = rest.find('/');
-    const std::string package = rest.substr(0, slash);
-    const std::string inside = slash == std::string::npos ? "" : rest.substr(slash + 1);
-    for (const fs::path root : package_paths_) {
-      if (fs::exists(root / rest)) return (root / rest).string();
-      const fs::path own = root.has_filename() ? root : root.parent_path();
-      if (own.filename() == package && fs::exists(root / inside)) return (root / inside).string();
+    const double length = box.sizes().maxCoeff();
+    RequireLength("the mesh '" + path + "' of link '" + link + "'", length);
+    if (length < kLeastMesh) {
+      Fail(absl::StrCat("the mesh '", path, "' of link '", link, "' is ", length,
+                        " m long, less than ", kLeastMesh,
+                        " m; it seems to be scaled twice: a Collada file has a unit of its own"));
     }
-    throw UrdfError{NotFound(path_, ": link '", link, "': the mesh '", name,
-                             "' was not found; add the folder that holds the package '", package,
-                             "' to package_paths (now: ",
-                             package_paths_.empty() ? "none" : absl::StrJoin(package_paths_, ", "),
-                             ")")};
+    return MeshShape{path, std::make_shared<const TriangleMesh>(*std::move(mesh))};
   }
 
   const std::string path_;

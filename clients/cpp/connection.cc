@@ -3,10 +3,13 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <string_view>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "silhouette/client.h"
 
 namespace silhouette::client {
@@ -64,6 +67,14 @@ Connection::Connection(const std::string& address,
       collisions_(v1::CollisionService::NewStub(channel_)),
       scenes_(v1::SceneService::NewStub(channel_)),
       databases_(v1::DatabaseService::NewStub(channel_)) {}
+
+// gRPC reads its sockets while a thread waits for it, else every five seconds. A call on a failed
+// connection fails at once: a client that only calls would leave each attempt unread until it is too old.
+void Connection::Reconnect(absl::Time deadline) const {
+  constexpr absl::Duration kMoment = absl::Milliseconds(50);
+  if (channel_->GetState(false) != GRPC_CHANNEL_TRANSIENT_FAILURE) return;
+  channel_->WaitForConnected(absl::ToChronoTime(std::min(deadline, absl::Now() + kMoment)));
+}
 
 // Most of gRPC's status codes are absl's, with the same numbers.
 absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration timeout) const {

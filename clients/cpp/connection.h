@@ -93,7 +93,9 @@ class Connection {
                                 grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
                                                              Response*),
                                 const Request& request, absl::Duration timeout) const {
-    context.set_deadline(absl::ToChronoTime(absl::Now() + timeout));
+    const absl::Time deadline = absl::Now() + timeout;
+    Reconnect(deadline);
+    context.set_deadline(absl::ToChronoTime(deadline));
     Response response;
     const absl::Status status =
         SentenceFor((StubOf<Stub>().*method)(&context, request, &response), timeout);
@@ -121,6 +123,8 @@ class Connection {
   }
 
  private:
+  // Where the last attempt to connect failed: gives the next one a moment.
+  void Reconnect(absl::Time deadline) const;
   template <typename Stub>
   Stub& StubOf() const {
     if constexpr (std::is_same_v<Stub, v1::CollisionService::Stub>) {

@@ -6,6 +6,7 @@
 
 #include <numbers>
 
+#include "absl/strings/str_replace.h"
 #include "tests/calib/robot/urdf_files.h"
 
 namespace silhouette {
@@ -126,6 +127,62 @@ TEST(RobotModel, MissingPackageIsNamedWithTheMend) {
                     HasSubstr("add the folder that holds the package 'arm_description' to "
                               "package_paths (now: /nowhere)")));
   EXPECT_THAT(ErrorOf(WithMesh("meshes/link.stl")), HasSubstr("meshes/link.stl' does not exist"));
+}
+
+TEST(RobotModel, MeshesAreFoundByAllNamesThatUrdfsHaveForThem) {
+  const auto folder = FreshFolder() / "my arm";
+  WriteFile(folder / "meshes" / "a link.stl", TetrahedronStl());
+  const auto message = [&](const std::string& name) {
+    const auto robot =
+        RobotModel::FromUrdf(WriteFile(folder / "urdf" / "robot.urdf", WithMesh(name)));
+    return robot.ok() ? "no error" : std::string(robot.status().message());
+  };
+  const std::string absolute = (folder / "meshes" / "a link.stl").string();
+  for (const std::string& name :
+       {std::string("../meshes/a link.stl"), absolute, "file://" + absolute,
+        "file://localhost" + absolute, "file://" + absl::StrReplaceAll(absolute, {{" ", "%20"}}),
+        // Of packages, the folders above the URDF are known.
+        std::string("package://my arm/meshes/a link.stl"),
+        std::string("package://my%20arm/meshes/a%20link.stl"),
+        std::string("model://my arm/meshes/a link.stl")}) {
+    EXPECT_EQ(message(name), "no error") << name;
+  }
+  EXPECT_THAT(message("package://my arm/meshes/b.stl"),
+              AllOf(HasSubstr("my arm' has no 'meshes/b.stl'; correct the name")));
+  EXPECT_THAT(message("https://example.org/a.stl"), HasSubstr("cannot be fetched; copy it here"));
+}
+
+TEST(RobotModel, MeshThatIsScaledTwiceIsNamed) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "link.stl", TetrahedronStl());
+  const std::string urdf =
+      absl::StrReplaceAll(WithMesh("link.stl"), {{"2 2 0.5", "1e-6 1e-6 1e-6"}});
+  const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", urdf));
+  EXPECT_THAT(std::string(robot.status().message()),
+              AllOf(HasSubstr("link 'a'"), HasSubstr("1e-06 m long"), HasSubstr("scaled twice")));
+}
+
+TEST(RobotModel, LimitsNeedARangeAndNothingElse) {
+  const auto joint = [](const std::string& type, const std::string& more) {
+    return OneJoint("<joint name='j' type='" + type + "'><parent link='a'/><child link='b'/>" +
+                    more + "</joint>");
+  };
+  for (const std::string type : {"revolute", "prismatic"}) {
+    EXPECT_EQ(ErrorOf(joint(type, "<limit lower='-1' upper='2'/>")), "no error");
+    EXPECT_EQ(ErrorOf(joint(type, "<limit lower='-1' upper='2' effort='3'/>")), "no error");
+    for (const std::string limit : {"", "<limit/>", "<limit effort='1' velocity='1'/>"}) {
+      EXPECT_THAT(ErrorOf(joint(type, limit)),
+                  HasSubstr("joint 'j' has no limits; state <limit lower="));
+    }
+  }
+  EXPECT_EQ(ErrorOf(joint("continuous", "<limit effort='1'/>")), "no error");
+  // A joint that mimics another has that one's.
+  EXPECT_EQ(ErrorOf("<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
+                    "<joint name='j' type='prismatic'><parent link='a'/><child link='b'/>"
+                    "<mimic joint='k'/></joint>"
+                    "<joint name='k' type='prismatic'><parent link='a'/><child link='c'/>"
+                    "<limit lower='0' upper='1'/></joint></robot>"),
+            "no error");
 }
 
 TEST(RobotModel, BrokenMeshIsNamed) {

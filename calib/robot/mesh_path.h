@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// MeshPath: the file that a URDF means by the name of a mesh.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+
+namespace silhouette {
+
+// `name`: a path, absolute or relative to the folder of `urdf`; or a URI: file://path,
+// package://name/rest, model://name/rest. %20 and the like in a URI are characters. A package is
+// looked for in every root of `package_paths` and then in every folder above `urdf`: as root/name,
+// or as the root itself if that is called so. NotFound, with the mend: the package is not there, or
+// has not this file. InvalidArgument: another kind of URI.
+absl::StatusOr<std::string> MeshPath(const std::string& name, const std::string& urdf,
+                                     std::span<const std::string> package_paths);
+
+}  // namespace silhouette

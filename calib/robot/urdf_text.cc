@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/robot/urdf_text.h"
+
+#include <console_bridge/console.h>
+#include <tinyxml.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <sstream>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Keeps what urdfdom complains about instead of printing it. Its message handler is one for the
+// whole process, hence the lock.
+class Complaints : public console_bridge::OutputHandler {
+ public:
+  Complaints() : lock_(mutex()) { console_bridge::useOutputHandler(this); }
+  ~Complaints() override { console_bridge::restorePreviousOutputHandler(); }
+  Complaints(const Complaints&) = delete;
+  Complaints& operator=(const Complaints&) = delete;
+
+  void log(const std::string& text, console_bridge::LogLevel level, const char* /*file*/,
+           int /*line*/) override {
+    if (level < console_bridge::CONSOLE_BRIDGE_LOG_ERROR || count_ == 2) return;
+    absl::StrAppend(&first_, first_.empty() ? "" : "; ", text);
+    ++count_;
+  }
+  // The first two: what is wrong, and often where. Empty: there is none.
+  const std::string& first() const { return first_; }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::string first_;
+  int count_ = 0;
+};
+
+absl::StatusOr<std::string> ReadText(const std::string& path) {
+  std::ifstream in(path);
+  if (!in || !fs::is_regular_file(path)) {
+    return NotFound("the robot's file '", path, "' does not exist or cannot be read");
+  }
+  std::stringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+// Whether anything in the element is for xacro to expand. Expanded files often declare its
+// namespace still.
+bool IsXacro(const TiXmlElement& element) {
+  if (element.ValueStr() == "gazebo") return false;  // the simulator's own
+  if (element.ValueStr().starts_with("xacro:")) return true;
+  for (const TiXmlAttribute* at = element.FirstAttribute(); at != nullptr; at = at->Next()) {
+    const std::string_view value = at->Value();
+    if (value.find("${") != value.npos || value.find("$(") != value.npos) return true;
+  }
+  for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    if (IsXacro(*child)) return true;
+  }
+  return false;
+}
+
+std::string ExpandedName(const std::string& path) {
+  const fs::path name = fs::path(path).filename();
+  if (name.extension() != ".xacro") return name.stem().string() + "_expanded.urdf";
+  return name.stem().extension() == ".urdf" ? name.stem().string() : name.stem().string() + ".urdf";
+}
+
+// Completes limits for urdfdom, which reads none without effort and velocity: nothing here needs
+// them. A joint that mimics another needs no range of its own; any other is refused without one.
+absl::Status CompleteLimits(const std::string& path, TiXmlElement& robot) {
+  for (TiXmlElement* joint = robot.FirstChildElement("joint"); joint != nullptr;
+       joint = joint->NextSiblingElement("joint")) {
+    const auto text = [&](const char* attribute) {
+      const char* const value = joint->Attribute(attribute);
+      return std::string(value == nullptr ? "" : value);
+    };
+    const bool ranges = text("type") == "revolute" || text("type") == "prismatic";
+    const bool mimics = joint->FirstChildElement("mimic") != nullptr;
+    TiXmlElement* limit = joint->FirstChildElement("limit");
+    const bool has_range = limit != nullptr && (limit->Attribute("lower") != nullptr ||
+                                                limit->Attribute("upper") != nullptr);
+    if (ranges && !mimics && !has_range) {
+      return InvalidArgument(path, ":", joint->Row(), ": joint '", text("name"),
+                             "' has no limits; state <limit lower=\"...\" upper=\"...\"/>, or "
+                             "type=\"fixed\"");
+    }
+    if (limit == nullptr) {
+      if (!ranges) continue;
+      limit = joint->InsertEndChild(TiXmlElement("limit"))->ToElement();
+    }
+    for (const char* name : {"effort", "velocity"}) {
+      if (limit->Attribute(name) == nullptr) limit->SetAttribute(name, "0");
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path) {
+  ASSIGN_OR_RETURN(const std::string text, ReadText(path));
+  TiXmlDocument document;
+  document.Parse(text.c_str());
+  if (document.Error()) {
+    return InvalidArgument(path, ":", document.ErrorRow(),
+                           ": not well-formed XML: ", document.ErrorDesc());
+  }
+  if (TiXmlElement* const robot = document.RootElement(); robot != nullptr) {
+    if (IsXacro(*robot)) {
+      return InvalidArgument(path, ": this is xacro; expand it first: xacro ", path, " > ",
+                             ExpandedName(path));
+    }
+    RETURN_IF_ERROR(CompleteLimits(path, *robot));
+  }
+  TiXmlPrinter printer;
+  printer.SetStreamPrinting();
+  document.Accept(&printer);
+  Complaints complaints;
+  urdf::ModelInterfaceSharedPtr model = urdf::parseURDF(printer.Str());
+  // An element that it cannot read is left out: that robot would have no body there.
+  if (model == nullptr || model->getRoot() == nullptr || !complaints.first().empty()) {
+    return InvalidArgument(
+        path, ": not a valid URDF: ",
+        complaints.first().empty() ? "there is no robot in it" : complaints.first());
+  }
+  return model;
+}
+
+}  // namespace silhouette
