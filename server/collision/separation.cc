@@ -77,13 +77,24 @@ double SeparationMeter::At(std::span<const double> q) {
   const PartBalls& balls = robot_.balls();
   robot_.chain().Pose(q, poses_);
   balls.Place(poses_, {}, placed_);
-  double least = space_.range();
+  bounds_.clear();
   for (size_t ball = 0; ball < balls.balls(); ++ball) {
     if (!moves_[balls.part(ball)]) continue;
     const Eigen::Vector3d centre(placed_.x[ball], placed_.y[ball], placed_.z[ball]);
     const double radius = double{balls.radius(ball)} + placed_.growth[ball] + placed_.slack;
-    least = std::min(least, space_.AtLeast(centre) - radius);
+    bounds_.push_back({space_.AtLeast(centre) - radius, radius, centre});
+  }
+  // The least bounds first: no ball whose bound is above the least distance has a lesser one.
+  const auto later = [](const Bound& a, const Bound& b) { return a.at_least > b.at_least; };
+  std::ranges::make_heap(bounds_, later);
+  double least = space_.range();
+  while (!bounds_.empty() && bounds_.front().at_least < least) {
+    const Bound& nearest = bounds_.front();
+    least =
+        std::min(least, space_.Distance(nearest.centre, least + nearest.radius) - nearest.radius);
     if (least <= 0) return 0;
+    std::ranges::pop_heap(bounds_, later);
+    bounds_.pop_back();
   }
   return least;
 }

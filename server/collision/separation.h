@@ -103,8 +103,16 @@ class SeparationMeter {
 
   const DrawnRobot& robot_;
   const SpaceDistances& space_;
+  // How far a ball is from what may hold somebody, by the map of distances.
+  struct Bound {
+    double at_least = 0;
+    double radius = 0;
+    Eigen::Vector3d centre;
+  };
+
   std::vector<Eigen::Isometry3d> poses_;
   PlacedBalls placed_;
+  std::vector<Bound> bounds_;
   std::vector<bool> moves_;  // by part
 };
 

@@ -2,7 +2,9 @@
 #include "server/collision/space_distances.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <stdexcept>
 
@@ -52,22 +54,58 @@ void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> sq
 
 }  // namespace
 
-SpaceDistances::SpaceDistances(const VoxelSet& voxels, const VoxelGrid& grid, double range)
-    : grid_(grid), range_(range) {
-  for (int axis = 0; axis < 3; ++axis) {
-    if (voxels.size(axis) != grid.size(axis)) {
-      throw std::invalid_argument("the voxels are not of the grid");
+SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range)
+    : grid_(sets.empty() ? throw std::invalid_argument("there is no set of voxels")
+                         : sets.front().grid),
+      range_(range) {
+  for (const VoxelsOfGrid& voxels : sets) {
+    for (int axis = 0; axis < 3; ++axis) {
+      if (voxels.set.size(axis) != voxels.grid.size(axis)) {
+        throw std::invalid_argument("the voxels are not of the grid");
+      }
     }
   }
-  const double edges = range / grid.edge();
+  const double edges = range / grid_.edge();
   if (!(edges > 0 && edges <= 127)) {
     throw std::invalid_argument("a range of distances is positive, and at most 127 edges");
   }
+  VoxelSet all = sets.front().set;
+  for (const VoxelsOfGrid& voxels : sets) {
+    AddBlocks(voxels);
+    if (&voxels != &sets.front()) AddTouched(voxels.set, voxels.grid, grid_, all);
+  }
+  FillMap(all);
+}
+
+void SpaceDistances::AddBlocks(const VoxelsOfGrid& voxels) {
+  constexpr int kEdge = VoxelGrid::kBlockEdge;
+  const VoxelGrid& grid = voxels.grid;
+  for (int bz = 0; bz < grid.blocks(2); ++bz) {
+    for (int by = 0; by < grid.blocks(1); ++by) {
+      for (int bx = 0; bx < grid.blocks(0); ++bx) {
+        Block block{.lower = grid.Corner(kEdge * bx, kEdge * by, kEdge * bz), .edge = grid.edge()};
+        for (int row = 0; row < kEdge * kEdge; ++row) {
+          const int y = kEdge * by + row % kEdge;
+          const int z = kEdge * bz + row / kEdge;
+          const auto bits = static_cast<uint8_t>(voxels.set.RowOfBlock(bx, y, z));
+          if (bits == 0) continue;
+          block.rows[static_cast<size_t>(row)] = bits;
+          block.voxels.extend(grid.Box(kEdge * bx + std::countr_zero(bits), y, z));
+          block.voxels.extend(grid.Box(kEdge * bx + 7 - std::countl_zero(bits), y, z));
+        }
+        if (!block.voxels.isEmpty()) blocks_.push_back(block);
+      }
+    }
+  }
+}
+
+void SpaceDistances::FillMap(const VoxelSet& voxels) {
+  const double edges = range_ / grid_.edge();
   const int reach = static_cast<int>(std::ceil(edges)) + 1;  // places apart that count
   const int16_t most = Between(reach);
-  const auto width = static_cast<size_t>(grid.size(0));
-  const auto height = static_cast<size_t>(grid.size(1));
-  const auto depth = static_cast<size_t>(grid.size(2));
+  const auto width = static_cast<size_t>(grid_.size(0));
+  const auto height = static_cast<size_t>(grid_.size(1));
+  const auto depth = static_cast<size_t>(grid_.size(2));
   squares_.assign(width * height * depth, most);
   const auto row_of = [&](std::vector<int16_t>& all, size_t y, size_t z) {
     return std::span(all).subspan((z * height + y) * width, width);
@@ -115,6 +153,60 @@ double SpaceDistances::AtLeast(const Eigen::Vector3d& point) const {
                           static_cast<size_t>(grid_.size(0)) +
                       static_cast<size_t>(voxel.x());
   return std::min(range_, std::sqrt(static_cast<double>(squares_[number])) * grid_.edge());
+}
+
+void SpaceDistances::Measure(const Block& block, const Eigen::Vector3d& point, double& square) {
+  constexpr int kEdge = VoxelGrid::kBlockEdge;
+  const Eigen::Vector3d at = (point - block.lower) / block.edge;
+  const double scale = block.edge * block.edge;
+  const auto beside = [](double x, int place) {  // edges from a voxel, along one axis
+    return std::max({0.0, place - x, x - place - 1});
+  };
+  const int x = std::clamp(static_cast<int>(std::floor(at.x())), 0, kEdge - 1);
+  const unsigned up_to_x = (2u << x) - 1;
+  for (int z = 0; z < kEdge; ++z) {
+    const double dz = beside(at.z(), z);
+    if (scale * dz * dz >= square) continue;
+    for (int y = 0; y < kEdge; ++y) {
+      const unsigned bits = block.rows[static_cast<size_t>(z * kEdge + y)];
+      if (bits == 0) continue;
+      const double dy = beside(at.y(), y);
+      // The nearest on either side, and its own place.
+      double dx = std::numeric_limits<double>::infinity();
+      if (const unsigned low = bits & up_to_x; low != 0) {
+        dx = beside(at.x(), std::bit_width(low) - 1);
+      }
+      if (const unsigned high = bits & ~(up_to_x >> 1); high != 0) {
+        dx = std::min(dx, beside(at.x(), std::countr_zero(high)));
+      }
+      square = std::min(square, scale * (dx * dx + dy * dy + dz * dz));
+    }
+  }
+}
+
+double SpaceDistances::Distance(const Eigen::Vector3d& point, double at_most) const {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double place = (point[axis] - grid_.lower()[axis]) / grid_.edge();
+    if (!(place >= 0 && place < grid_.size(axis))) return 0;
+  }
+  double square = std::pow(std::clamp(at_most, 0.0, range_), 2);
+  // The block whose voxels begin nearest first: of most others none is as near.
+  const Block* nearest = nullptr;
+  double begins = square;
+  for (const Block& block : blocks_) {
+    const double to_block = block.voxels.squaredExteriorDistance(point);
+    if (to_block >= begins) continue;
+    begins = to_block;
+    nearest = &block;
+  }
+  if (nearest == nullptr) return std::sqrt(square);
+  Measure(*nearest, point, square);
+  for (const Block& block : blocks_) {
+    if (&block != nearest && block.voxels.squaredExteriorDistance(point) < square) {
+      Measure(block, point, square);
+    }
+  }
+  return std::sqrt(square);
 }
 
 }  // namespace silhouette

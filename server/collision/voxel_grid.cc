@@ -74,6 +74,37 @@ int64_t VoxelSet::Count() const {
 
 bool VoxelSet::Empty() const { return NothingSet(words_); }
 
+std::pair<int, int> OtherGrid::Touched(int axis, int place) const {
+  const double lower = (from_.lower()[axis] - to_.lower()[axis]) / to_.edge();
+  const double edge = from_.edge() / to_.edge();
+  const auto at = [&](double value) {
+    return std::clamp(static_cast<int>(std::floor(value)), 0, to_.size(axis) - 1);
+  };
+  return {at(lower + place * edge - kVoxelGridRounding),
+          at(lower + (place + 1) * edge + kVoxelGridRounding)};
+}
+
+void AddTouched(const VoxelSet& voxels, const VoxelGrid& from, const VoxelGrid& to, VoxelSet& set) {
+  const OtherGrid other(from, to);
+  for (int z = 0; z < from.size(2); ++z) {
+    const auto [first_z, last_z] = other.Touched(2, z);
+    for (int y = 0; y < from.size(1); ++y) {
+      const auto row = voxels.row(y, z);
+      if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
+      const auto [first_y, last_y] = other.Touched(1, y);
+      for (int x = 0; x < from.size(0); ++x) {
+        if (!voxels.at(x, y, z)) continue;
+        const auto [first_x, last_x] = other.Touched(0, x);
+        for (int at_z = first_z; at_z <= last_z; ++at_z) {
+          for (int at_y = first_y; at_y <= last_y; ++at_y) {
+            set.InsertRun(first_x, last_x, at_y, at_z);
+          }
+        }
+      }
+    }
+  }
+}
+
 VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radius) {
   VoxelSet met(grid);
   const double edges = radius / grid.edge() + kVoxelGridRounding;

@@ -99,6 +99,23 @@ class VoxelSet {
   std::vector<uint64_t> words_;
 };
 
+// Voxels of one grid by their places in another. Refers to both, which must outlive it.
+class OtherGrid {
+ public:
+  OtherGrid(const VoxelGrid& from, const VoxelGrid& to) : from_(from), to_(to) {}
+
+  // The voxels of `to` along an axis, first and last, that voxel `place` of `from` has a part of;
+  // where that is beyond `to`, the voxel at its rim.
+  std::pair<int, int> Touched(int axis, int place) const;
+
+ private:
+  const VoxelGrid& from_;
+  const VoxelGrid& to_;
+};
+
+// Adds to `set`, of `to`, the voxels that have a part of one of `voxels`, of `from`.
+void AddTouched(const VoxelSet& voxels, const VoxelGrid& from, const VoxelGrid& to, VoxelSet& set);
+
 // The voxels that a ball of `radius` meets whose centre lies somewhere in a voxel of `centres`:
 // none that such a ball could meet is left out. Metres; `grid` is the set's.
 VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radius);

@@ -51,28 +51,6 @@ double EdgeOf(const SoundCell& cell, const Eigen::AlignedBox3d& zone) {
   return cell.separation->voxel_edge.value_or(std::clamp(fitting, rho / 6, rho / 3));
 }
 
-// Voxels of one grid by their places in another.
-class OtherGrid {
- public:
-  OtherGrid(const VoxelGrid& from, const VoxelGrid& to) : from_(from), to_(to) {}
-
-  // The voxels of `to` along an axis that voxel `place` of `from` has a part of.
-  std::pair<int, int> Touched(int axis, int place) const {
-    const double lower = (from_.lower()[axis] - to_.lower()[axis]) / to_.edge();
-    const double edge = from_.edge() / to_.edge();
-    const auto at = [&](double value) {
-      return std::clamp(static_cast<int>(std::floor(value)), 0, to_.size(axis) - 1);
-    };
-    return {at(lower + place * edge - kRounding), at(lower + (place + 1) * edge + kRounding)};
-  }
-
- private:
-  static constexpr double kRounding = 1e-9;  // edges
-
-  const VoxelGrid& from_;
-  const VoxelGrid& to_;
-};
-
 // The voxels of `grid` in which all is reached (VoxelSpace) by the robot.
 VoxelSet WhollyIn(const VoxelSpace& space, const VoxelGrid& grid) {
   const OtherGrid other(grid, space.grid());
@@ -104,28 +82,6 @@ VoxelSet WhollyIn(const VoxelSpace& space, const VoxelGrid& grid) {
     }
   }
   return in;
-}
-
-// Adds the voxels of `to` that have a part of one of `voxels`, which is of `from`.
-void AddTouched(const VoxelSet& voxels, const VoxelGrid& from, const VoxelGrid& to, VoxelSet& set) {
-  const OtherGrid other(from, to);
-  for (int z = 0; z < from.size(2); ++z) {
-    const auto [first_z, last_z] = other.Touched(2, z);
-    for (int y = 0; y < from.size(1); ++y) {
-      const auto row = voxels.row(y, z);
-      if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
-      const auto [first_y, last_y] = other.Touched(1, y);
-      for (int x = 0; x < from.size(0); ++x) {
-        if (!voxels.at(x, y, z)) continue;
-        const auto [first_x, last_x] = other.Touched(0, x);
-        for (int at_z = first_z; at_z <= last_z; ++at_z) {
-          for (int at_y = first_y; at_y <= last_y; ++at_y) {
-            set.InsertRun(first_x, last_x, at_y, at_z);
-          }
-        }
-      }
-    }
-  }
 }
 
 }  // namespace
@@ -182,8 +138,7 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
                           max_occluded_views);
   VoxelSet people = far.remaining();
   for (size_t i = 0; i < people.words().size(); ++i) people.words()[i] &= counted_.words()[i];
-  AddTouched(near.remaining(), near.space().grid(), space_.grid(), people);
-  return SpaceDistances(people, space_.grid(), range_);
+  return SpaceDistances({{people, space_.grid()}, {near.remaining(), near.space().grid()}}, range_);
 }
 
 }  // namespace silhouette

@@ -63,7 +63,7 @@ std::shared_ptr<const DrawnRobot> Rx130() {
 void BM_SeparationScene(benchmark::State& state) {
   const VoxelSet somebody = Somebody();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(SpaceDistances(somebody, Zone(), kZoneRange));
+    benchmark::DoNotOptimize(SpaceDistances({{somebody, Zone()}}, kZoneRange));
   }
   state.counters["voxels"] = static_cast<double>(Zone().voxels());
 }
@@ -71,7 +71,8 @@ void BM_SeparationScene(benchmark::State& state) {
 // A place of a path on which all joints move.
 void BM_SeparationPlace(benchmark::State& state) {
   const std::shared_ptr<const DrawnRobot> robot = Rx130();
-  const SpaceDistances space(Somebody(), Zone(), kZoneRange);
+  const VoxelSet somebody = Somebody();
+  const SpaceDistances space({{somebody, Zone()}}, kZoneRange);
   SeparationMeter meter(*robot, space);
   std::mt19937_64 random(1);
   std::vector<Configuration> places(64);

@@ -8,6 +8,9 @@
 #include <iostream>
 #include <stdexcept>
 #include <string>
+#include <vector>
+
+#include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 namespace {
@@ -36,6 +39,21 @@ void OnStopSignal(int signal) {
     std::raise(signal);
   }
   stop_requested = 1;
+}
+
+// What is wrong with a word that stands where a subcommand is expected; empty if none does.
+std::string MistypedSubcommand(const CLI::App& program) {
+  const CLI::App* command = &program;
+  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
+  std::vector<std::string> known;
+  for (const CLI::App* sub : command->get_subcommands([](const CLI::App*) { return true; })) {
+    known.push_back(sub->get_name());
+  }
+  const std::vector<std::string> words = command->remaining();
+  if (known.empty() || words.empty() || words.front().starts_with('-')) return "";
+  const std::string nearest = NearestWord(words.front(), known);
+  return "there is no subcommand '" + words.front() + "'; " +
+         (nearest.empty() ? "known are " + ListOfWords(known) : "did you mean '" + nearest + "'?");
 }
 
 }  // namespace
@@ -77,7 +95,9 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   EndOnLostPages(app.get_name());
   app.set_version_flag("--version", app.get_name() + " " + kVersion);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    return failed->get_name() + ": " + error.what() + "; see --help\n";
+    const std::string mistyped = MistypedSubcommand(*failed);
+    return failed->get_name() + ": " +
+           (mistyped.empty() ? error.what() + std::string("; see --help") : mistyped) + "\n";
   });
   try {
     app.parse(argc, argv);

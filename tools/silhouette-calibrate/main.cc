@@ -10,6 +10,13 @@ int main(int argc, char** argv) {
                "silhouette-calibrate");
   app.require_subcommand(1);
   app.footer(
+      "Examples:\n"
+      "  silhouette-calibrate board --out wall --rows 4 --columns 6 --tag-size 30\n"
+      "  silhouette-calibrate detect --images 'left=left/*.png' --boards wall.yaml --out "
+      "corners.csv\n"
+      "  silhouette-calibrate intrinsics --corners corners.csv --boards wall.yaml \\\n"
+      "      --image-size 1280x960 --out cameras\n"
+      "  silhouette-calibrate COMMAND --help\n\n"
       "Exit codes: 0 done, 1 the answer is no or the check failed, 2 a mistake in the arguments or "
       "files,\n"
       "3 the world failed.");

@@ -135,8 +135,10 @@ DiskRoom RoomFor(const CapturePlan& plan, const CellFile& file, const Database* 
 
 namespace {
 
-std::string Megabytes(uint64_t bytes) {
-  return absl::StrFormat("%.1f MB", static_cast<double>(bytes) / 1e6);
+std::string SpokenBytes(uint64_t bytes) {
+  const auto amount = static_cast<double>(bytes);
+  return bytes < 1'000'000'000 ? absl::StrFormat("%.1f MB", amount / 1e6)
+                               : absl::StrFormat("%.1f GB", amount / 1e9);
 }
 
 double PerSecond(const CaptureReport& report) {
@@ -162,11 +164,11 @@ std::string TooLittleRoom(const CapturePlan& plan, const DiskRoom& room) {
       "the disk has %s free; up to %s are needed%s, and %s are to stay free (keep_free): make "
       "room, "
       "or expect the session to end before the disk is full",
-      Megabytes(room.available.value_or(0)), Megabytes(plan.bytes + room.raw_bytes),
+      SpokenBytes(room.available.value_or(0)), SpokenBytes(plan.bytes + room.raw_bytes),
       room.raw_bytes > 0
-          ? absl::StrFormat(", about %s of it for raw images", Megabytes(room.raw_bytes))
+          ? absl::StrFormat(", about %s of it for raw images", SpokenBytes(room.raw_bytes))
           : "",
-      Megabytes(room.keep_free));
+      SpokenBytes(room.keep_free));
 }
 
 std::string PlanText(const CapturePlan& plan, const DiskRoom& room) {
@@ -180,11 +182,11 @@ std::string PlanText(const CapturePlan& plan, const DiskRoom& room) {
   const absl::Time now = absl::Now();
   absl::StrAppendFormat(&text, "time               about %s; begun now, done about %s\n",
                         Spoken(plan.duration), ClockTime(now + plan.duration, now));
-  absl::StrAppendFormat(&text, "room on disk       at most %s", Megabytes(plan.bytes));
-  if (room.available) absl::StrAppendFormat(&text, "; %s are free", Megabytes(*room.available));
+  absl::StrAppendFormat(&text, "room on disk       at most %s", SpokenBytes(plan.bytes));
+  if (room.available) absl::StrAppendFormat(&text, "; %s are free", SpokenBytes(*room.available));
   text += "\n";
   if (room.raw_bytes > 0) {
-    absl::StrAppendFormat(&text, "for raw images     about %s more\n", Megabytes(room.raw_bytes));
+    absl::StrAppendFormat(&text, "for raw images     about %s more\n", SpokenBytes(room.raw_bytes));
   }
   if (!room.Suffices(plan)) absl::StrAppend(&text, TooLittleRoom(plan, room), "\n");
   if (plan.parts > 1) {

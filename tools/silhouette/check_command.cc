@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <numbers>
 #include <optional>
 #include <thread>
 
@@ -73,13 +74,27 @@ double Quantile(const std::vector<double>& times, double share) {
   return times.at(static_cast<size_t>(std::max(rank, 1.0)) - 1);
 }
 
-std::string CheckTextOf(const std::vector<Configuration>& configurations,
+// For a configuration outside the grid that looks as if radians were taken for degrees.
+std::string UnitHint(const Session& session, const Configuration& q,
+                     const client::Verdict& verdict) {
+  constexpr double kNoAngle = 4 * std::numbers::pi;  // joints hardly turn twice
+  const bool large =
+      std::ranges::any_of(q, [](double value) { return std::abs(value) > kNoAngle; });
+  if (session.unit == AngleUnit::kDegrees || !large ||
+      verdict.reason != client::Reason::kOutsideGrid) {
+    return "";
+  }
+  return " (joint values are radians; did you mean degrees? Write 90deg, or give --degrees)";
+}
+
+std::string CheckTextOf(const Session& session, const std::vector<Configuration>& configurations,
                         const client::ConfigurationChecks& checks,
                         const std::vector<double>& times) {
   std::string text;
   for (size_t i = 0; i < configurations.size(); ++i) {
     absl::StrAppend(&text, Spoken(configurations[i]), ": ",
-                    Spoken(checks.verdicts[i], checks.basis), "\n");
+                    Spoken(checks.verdicts[i], checks.basis),
+                    UnitHint(session, configurations[i], checks.verdicts[i]), "\n");
   }
   absl::StrAppend(&text, Spoken(checks.basis), "\n");
   if (times.empty()) return text;
@@ -247,7 +262,7 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
   PrintResult(session.format, CheckJsonOf(configurations, checks, session.clearance, times),
-              CheckTextOf(configurations, checks, times));
+              CheckTextOf(session, configurations, checks, times));
   return checks.AllFree() ? kDone : kNo;
 }
 

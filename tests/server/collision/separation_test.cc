@@ -30,7 +30,7 @@ TEST(SpaceDistances, AreThoseBetweenTheBoxesOfVoxels) {
       set.Insert(voxels.back().x(), voxels.back().y(), voxels.back().z());
     }
     const double range = std::uniform_real_distribution<double>(0.04, 2)(random);
-    const SpaceDistances distances(set, grid, range);
+    const SpaceDistances distances({{set, grid}}, range);
     for (int i = 0; i < 300; ++i) {
       const Eigen::Vector3i at(somewhere(0), somewhere(1), somewhere(2));
       const Eigen::AlignedBox3d box = grid.Box(at.x(), at.y(), at.z());
@@ -45,20 +45,58 @@ TEST(SpaceDistances, AreThoseBetweenTheBoxesOfVoxels) {
   }
 }
 
+TEST(SpaceDistances, DistanceIsThatToTheNearestBoxOfAllSets) {
+  Random random;
+  const VoxelGrid wide({Eigen::Vector3d::Zero(), Eigen::Vector3d(3, 2, 2)}, 0.1);
+  const VoxelGrid fine({Eigen::Vector3d(0.53, 0.21, 0.4), Eigen::Vector3d(1.5, 1.4, 1.6)}, 0.03);
+  const auto below = [&](int end) {
+    return std::uniform_int_distribution<int>(0, end - 1)(random);
+  };
+  for (int round = 0; round < 40; ++round) {
+    VoxelSet far(wide);
+    VoxelSet near(fine);
+    std::vector<Eigen::AlignedBox3d> boxes;
+    const auto add = [&](const VoxelGrid& grid, VoxelSet& set) {
+      const Eigen::Vector3i at(below(grid.size(0)), below(grid.size(1)), below(grid.size(2)));
+      set.Insert(at.x(), at.y(), at.z());
+      boxes.push_back(grid.Box(at.x(), at.y(), at.z()));
+    };
+    for (int i = 0; i < round % 4; ++i) add(wide, far);
+    for (int i = 0; i < 7 * (round % 3); ++i) add(fine, near);
+    const double range = std::uniform_real_distribution<double>(0.1, 2)(random);
+    const SpaceDistances distances({{far, wide}, {near, fine}}, range);
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d at = Eigen::Array3d(3, 2, 2) * (Eigen::Array3d::Random() + 1) / 2.0001;
+      double expected = range;
+      for (const auto& box : boxes) expected = std::min(expected, box.exteriorDistance(at));
+      EXPECT_NEAR(distances.Distance(at, 100), expected, 1e-9);
+      EXPECT_NEAR(distances.Distance(at, range / 3), std::min(range / 3, expected), 1e-9);
+      EXPECT_LE(distances.AtLeast(at), expected + 1e-9);
+    }
+  }
+}
+
 TEST(SpaceDistances, NothingIsKnownBeyondTheGrid) {
   const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
-  const SpaceDistances distances(VoxelSet(grid), grid, 1);
+  const VoxelSet none(grid);
+  const SpaceDistances distances({{none, grid}}, 1);
   EXPECT_EQ(distances.AtLeast({0.5, 0.5, 0.5}), 1);
   EXPECT_EQ(distances.AtLeast({0.5, 0.5, -0.01}), 0);
+  EXPECT_EQ(distances.Distance({0.5, 0.5, 0.5}, 2), 1);
+  EXPECT_EQ(distances.Distance({0.5, 0.5, -0.01}, 2), 0);
+  EXPECT_EQ(distances.Distance({0.5, std::nan(""), 0.5}, 2), 0);
   EXPECT_EQ(distances.AtLeast({std::nan(""), 0.5, 0.5}), 0);
 }
 
 TEST(SpaceDistances, RefusesARangeThatCannotBe) {
   const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
+  const VoxelSet none(grid);
   for (double range : {0.0, -1.0, 13.0, std::nan("")}) {
-    EXPECT_THROW(SpaceDistances(VoxelSet(grid), grid, range), std::invalid_argument);
+    EXPECT_THROW(SpaceDistances({{none, grid}}, range), std::invalid_argument);
   }
-  EXPECT_THROW(SpaceDistances(VoxelSet(), grid, 1), std::invalid_argument);
+  const VoxelSet other;
+  EXPECT_THROW(SpaceDistances({{other, grid}}, 1), std::invalid_argument);
+  EXPECT_THROW(SpaceDistances({}, 1), std::invalid_argument);
 }
 
 SeparationSettings Levels() {

@@ -62,6 +62,31 @@ TEST(Program, WrongCommandLineIsOneSentenceAndTheUsersMistake) {
   EXPECT_THAT(message, HasSubstr("--wrong"));
 }
 
+TEST(Program, MistypedSubcommandIsNamedWithTheNearest) {
+  CLI::App app("A test", "tester");
+  app.require_subcommand(1);
+  CLI::App* scene = app.add_subcommand("scene")->require_subcommand(1);
+  scene->add_subcommand("publish");
+  app.add_subcommand("check");
+  const auto message_of = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), "tester");
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    EXPECT_EQ(RunProgram(app, static_cast<int>(argv.size()), argv.data(),
+                         std::function<int()>([] { return 0; })),
+              2);
+    return testing::internal::GetCapturedStderr();
+  };
+  EXPECT_EQ(message_of({"chek", "--at", "1"}),
+            "tester: there is no subcommand 'chek'; did you mean 'check'?\n");
+  EXPECT_EQ(message_of({"scene", "publsh"}),
+            "tester: there is no subcommand 'publsh'; did you mean 'publish'?\n");
+  EXPECT_EQ(message_of({"weather"}),
+            "tester: there is no subcommand 'weather'; known are 'scene' and 'check'\n");
+  EXPECT_THAT(message_of({}), HasSubstr("A subcommand is required"));
+}
+
 TEST(Program, NumbersAboveZeroAreTold) {
   CLI::App app("", "tester");
   double size = 0;

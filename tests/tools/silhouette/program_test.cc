@@ -68,6 +68,8 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   EXPECT_EQ(cell_.Run("check 0.6,0.2").exit_code, 1);
   EXPECT_EQ(cell_.Run("check 0,0 0.6,0.2").exit_code, 1);
   EXPECT_EQ(cell_.Run("check 5,5").exit_code, 1) << "outside the grid";
+  EXPECT_THAT(cell_.Run("check 5,5").out, Not(HasSubstr("degrees")));
+  EXPECT_THAT(cell_.Run("check 90,0").out, HasSubstr("did you mean degrees?"));
   const Json answer = RunJson("check 0,0 0.6,0.2 --repeat 5", 1);
   EXPECT_EQ(answer["scene_id"], 1);
   EXPECT_EQ(answer["all_free"], false);
