@@ -40,6 +40,9 @@ struct ComparisonSettings {
   size_t least_configurations = 30;
 };
 
+// The steps from 0 to most_growth. Throws std::invalid_argument if they are not 1 to 200.
+int GrowthSteps(const ComparisonSettings& settings);
+
 // Settings as the database keeps them: `key: value` a line.
 std::string Describe(const ComparisonSettings& settings);
 

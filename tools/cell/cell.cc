@@ -47,6 +47,7 @@ Cell ReadCell(const std::string& path) {
   const auto margin_node = map.Optional("margin");
   const auto workspace_node = map.Optional("workspace");
   const auto capture_node = map.Optional("capture");
+  const auto verification_node = map.Optional("verification");
   const auto segmentation_node = map.Optional("segmentation");
   const auto policy_node = map.Optional("policy");
   const auto calibration_node = map.Optional("calibration");
@@ -68,6 +69,7 @@ Cell ReadCell(const std::string& path) {
       .views = ReadViews(views_node, margin_node ? ReadMargin(*margin_node) : Margin{}, folder),
       .workspace = std::nullopt,
       .capture = {},
+      .verification = {},
       .segmentation = {},
       .policy = {},
       .choose_preset = true,
@@ -77,6 +79,7 @@ Cell ReadCell(const std::string& path) {
       .server = {}};
   if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
   if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
+  if (verification_node) cell.verification = ReadVerification(*verification_node);
   if (segmentation_node) cell.segmentation = ReadSegmentation(*segmentation_node);
   if (policy_node) {
     const PolicySettings policy = ReadPolicy(*policy_node, static_cast<int>(cell.views.size()));

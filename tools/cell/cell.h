@@ -18,6 +18,7 @@
 #include "capture/drivers/robots/robot_driver_settings.h"
 #include "capture/segmentation/settings.h"
 #include "capture/session/capture_settings.h"
+#include "capture/verification/model_comparison.h"
 #include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
 #include "server/collision/policy.h"
@@ -93,6 +94,7 @@ struct Cell {
   // What the robot never leaves; nothing: not said.
   std::optional<Workspace> workspace;
   CaptureSettings capture;
+  ComparisonSettings verification;  // when a drawn robot's model is refused
   SegmentationSettings segmentation;
   Policy policy;
   bool choose_preset = true;  // `policy` names no preset: the best that the database can serve

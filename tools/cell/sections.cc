@@ -176,6 +176,29 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   return capture;
 }
 
+ComparisonSettings ReadVerification(const YamlNode& node) {
+  YamlMap map(node);
+  ComparisonSettings settings;
+  map.Read("growth_step", settings.growth_step, &YamlNode::AsLength);
+  map.Read("most_growth", settings.most_growth, &YamlNode::AsLength);
+  settings.most_noise_pixels = static_cast<size_t>(
+      AtLeast(map, "most_noise_pixels", static_cast<int>(settings.most_noise_pixels), 0));
+  map.Read("most_noise", settings.most_noise, &YamlNode::AsShare);
+  map.Read("most_uncaptured", settings.most_uncaptured, &YamlNode::AsShare);
+  map.Read("most_uncaptured_of_link", settings.most_uncaptured_of_link, &YamlNode::AsShare);
+  map.Read("most_shift", settings.most_shift, ReadPixels);
+  map.Read("most_held_out", settings.most_held_out, &YamlNode::AsShare);
+  settings.least_configurations = static_cast<size_t>(
+      AtLeast(map, "least_configurations", static_cast<int>(settings.least_configurations), 2));
+  map.Finish();
+  try {
+    GrowthSteps(settings);
+  } catch (const std::invalid_argument& error) {
+    node.Fail(error.what());
+  }
+  return settings;
+}
+
 SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSettings& usual) {
   YamlMap map(node);
   SegmentationSettings settings = usual;

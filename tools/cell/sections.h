@@ -45,6 +45,7 @@ std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
                                     const std::filesystem::path& folder);
 // `grid`: the joints that forbidden regions may name.
 CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid);
+ComparisonSettings ReadVerification(const YamlNode& node);
 // `usual`: what keys that are not there mean.
 SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSettings& usual = {});
 struct PolicySettings {

@@ -302,7 +302,7 @@ absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
     std::cerr << "stopped; nothing was verified" << std::endl;
     return kNo;
   }
-  const ComparisonSettings settings;
+  const ComparisonSettings& settings = file.cell.verification;
   std::optional<Progress> progress;
   progress.emplace("comparison", 2 * samples.size() * model.views.size(), "masks");
   const ModelComparison found =

@@ -120,6 +120,7 @@ TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
   const absl::StatusOr<Cell> cell = Load(text);
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(cell->segmentation, SegmentationSettings{});
+  EXPECT_EQ(Describe(cell->verification), Describe(ComparisonSettings{}));
   EXPECT_EQ(cell->policy, Policy{});
   EXPECT_TRUE(cell->choose_preset);
   EXPECT_EQ(cell->calibration.margin, CalibrationSettings{}.margin);
@@ -372,6 +373,34 @@ TEST(Cell, FirstRobotImagesAreLookedAtUnlessTheFileSaysOtherwise) {
   EXPECT_EQ(cell->capture.first_look.least_overlap, 0.7);
   EXPECT_THAT(MessageOf(bare + "capture: {first_look: {least_area: 2}}\n"),
               HasSubstr("a number from 0 to 1 is expected"));
+}
+
+TEST(Cell, LimitsOfAVerificationAreThoseOfTheFile) {
+  const std::string bare = kBareCell;
+  const auto with = [&](const std::string& keys) {
+    return bare + "verification: {" + keys + "}\n";
+  };
+  EXPECT_EQ(Describe(Load(bare)->verification), Describe(ComparisonSettings{}));
+  const auto cell =
+      Load(with("growth_step: 1 cm, most_growth: 20 cm, most_noise_pixels: 3, most_noise: 0.01, "
+                "most_uncaptured: 0.05, most_uncaptured_of_link: 0.3, most_shift: 0.5 px, "
+                "most_held_out: 0.04, least_configurations: 20"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(Describe(cell->verification),
+            Describe(ComparisonSettings{.growth_step = 0.01,
+                                        .most_growth = 0.2,
+                                        .most_noise_pixels = 3,
+                                        .most_noise = 0.01,
+                                        .most_uncaptured = 0.05,
+                                        .most_uncaptured_of_link = 0.3,
+                                        .most_shift = 0.5,
+                                        .most_held_out = 0.04,
+                                        .least_configurations = 20}));
+  EXPECT_THAT(MessageOf(with("growth_step: 0")), HasSubstr("most_growth, 0.1 m, must be 1 to 200"));
+  EXPECT_THAT(MessageOf(with("growth_step: 0.1 mm")), HasSubstr("times growth_step, 0.0001 m"));
+  EXPECT_THAT(MessageOf(with("most_held_out: 2")), HasSubstr("a number from 0 to 1 is expected"));
+  EXPECT_THAT(MessageOf(with("most_shift: 1 mm")), HasSubstr("a number of pixels is expected"));
+  EXPECT_THAT(MessageOf(with("least_configurations: 1")), HasSubstr("at least 2 is expected"));
 }
 
 TEST(Cell, IndexIsAlwaysChecked) {
