@@ -3,13 +3,19 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "calib/boards/charuco.h"
 #include "calib/boards/csv.h"
 #include "calib/boards/tag_family.h"
 #include "common/yaml/strict_yaml.h"
@@ -19,74 +25,245 @@ namespace silhouette {
 namespace {
 
 constexpr int kMostTags = 1'000'000;
+// Of a lattice: places along a tag, the pitch in tags, and what no print is truer than.
+constexpr int kMostPlacesPerTag = 20;
+constexpr double kMostPitch = 10;
+constexpr double kMostMisfitOfTag = 1e-4;
+constexpr char kSymmetric[] = "-symmetric";
 
 }  // namespace
+
+std::optional<GridSize> GridSizeFromText(const std::string& text) {
+  const std::vector<std::string> sides = absl::StrSplit(absl::AsciiStrToLower(text), 'x');
+  GridSize size;
+  if (sides.size() != 2 || !absl::SimpleAtoi(sides[0], &size.columns) ||
+      !absl::SimpleAtoi(sides[1], &size.rows)) {
+    return std::nullopt;
+  }
+  return size;
+}
+
+bool IsAmbiguousFamily(const std::string& family) { return family.ends_with(kSymmetric); }
 
 Board::Board(BoardDescription description) : description_(std::move(description)) {
   const BoardDescription& d = description_;
   const auto require = [&](bool holds, const std::string& what) {
     if (!holds) throw std::invalid_argument("board '" + d.name + "': " + what);
   };
+  const auto is_length = [](double length) { return std::isfinite(length) && length > 0; };
   require(!d.name.empty(), "a board needs a name");
-  require(!d.family.empty(), "a board needs a tag family");
-  require(d.rows > 0 && d.columns > 0, "there must be at least one row and one column of tags");
-  require(d.rows <= kMostTags / d.columns, "there are too many tags");
-  require(std::isfinite(d.tag_size) && d.tag_size > 0, "tag_size must be positive");
-  require(tags() == 1 || (std::isfinite(d.gap) && d.gap > 0),
-          "the gap between tags must be positive");
+  require(d.rows > 0 && d.columns > 0, "there must be at least one row and one column");
+  require(d.rows <= kMostTags / d.columns, "there are too many rows and columns");
   require(d.first_id >= 0, "first_id must not be negative");
   require(d.first_id <= std::numeric_limits<int>::max() - kMostTags, "first_id is too large");
+  const std::string size = absl::StrCat(d.columns, "x", d.rows);
+  switch (d.kind) {
+    case BoardKind::kTags:
+      require(!d.family.empty(), "a board needs a tag family");
+      require(is_length(d.tag_size), "tag_size must be positive");
+      require(tags() == 1 || is_length(d.gap), "the gap between tags must be positive");
+      family_ = d.family;
+      break;
+    case BoardKind::kChessboard:
+      require(d.rows >= 2 && d.columns >= 2,
+              "a chessboard needs at least 2x2 inner corners, in columns x rows");
+      require(is_length(d.square), "square must be positive");
+      family_ = absl::StrCat("chessboard-", size, (d.rows + d.columns) % 2 == 0 ? kSymmetric : "");
+      break;
+    case BoardKind::kCharuco:
+      require(d.rows >= 3 && d.columns >= 3,
+              "a ChArUco board needs at least 3x3 squares, in columns x rows");
+      require(is_length(d.square), "square must be positive");
+      require(is_length(d.tag_size) && d.tag_size < d.square,
+              "marker must be positive and smaller than square");
+      family_ = absl::StrCat("charuco-", d.dictionary, "-", d.first_id, "-", size);
+      break;
+  }
 }
 
-bool Board::HasTag(int id) const {
-  return id >= description_.first_id && id - description_.first_id < tags();
+int Board::mark_rows() const {
+  return description_.kind == BoardKind::kCharuco ? description_.rows - 1 : description_.rows;
 }
 
-TagCorners Board::CornersOf(int id) const {
+int Board::mark_columns() const {
+  return description_.kind == BoardKind::kCharuco ? description_.columns - 1 : description_.columns;
+}
+
+GridPlace Board::PlaceOf(int id) const {
   if (!HasTag(id)) {
     throw std::out_of_range("board '" + description_.name + "' has no tag " + std::to_string(id));
   }
-  const int place = id - description_.first_id;
-  const double pitch = description_.tag_size + description_.gap;
-  const double left = pitch * (place % description_.columns);
-  const double top = pitch * (place / description_.columns);
-  const double right = left + description_.tag_size;
-  const double bottom = top + description_.tag_size;
-  return {Eigen::Vector3d(left, bottom, 0), Eigen::Vector3d(right, bottom, 0),
-          Eigen::Vector3d(right, top, 0), Eigen::Vector3d(left, top, 0)};
+  const int place = id - first_mark();
+  const int row = place / mark_columns();
+  return {.row = description_.from_bottom ? mark_rows() - 1 - row : row,
+          .column = place % mark_columns()};
 }
 
-bool Board::IsLattice() const {
-  return tags() == 1 ||
-         std::abs(description_.gap - description_.tag_size) <= 1e-9 * description_.tag_size;
+MarkCorners Board::CornersOf(int id) const {
+  const GridPlace place = PlaceOf(id);
+  const BoardDescription& d = description_;
+  if (d.kind != BoardKind::kTags) return {{d.square * place.column, d.square * place.row, 0}};
+  const double pitch = d.tag_size + d.gap;
+  const double left = pitch * place.column;
+  const double top = pitch * place.row;
+  const double right = left + d.tag_size;
+  const double bottom = top + d.tag_size;
+  return {{left, bottom, 0}, {right, bottom, 0}, {right, top, 0}, {left, top, 0}};
+}
+
+Eigen::Vector2d Board::extent() const {
+  const BoardDescription& d = description_;
+  const Eigen::Vector2d steps(mark_columns() - 1, mark_rows() - 1);
+  if (d.kind != BoardKind::kTags) return d.square * steps;
+  return (d.tag_size + d.gap) * steps + Eigen::Vector2d::Constant(d.tag_size);
+}
+
+Board::Steps Board::LatticeSteps() const {
+  if (description_.kind != BoardKind::kTags) return {.tag = 0, .pitch = 1};
+  if (tags() == 1) return {.tag = 1, .pitch = 2};
+  const double tag_size = description_.tag_size;
+  const double pitch = tag_size + description_.gap;
+  if (pitch > kMostPitch * tag_size) return {};
+  for (int tag = 1; tag <= kMostPlacesPerTag; ++tag) {
+    const int places = static_cast<int>(std::lround(pitch / tag_size * tag));
+    const double misfit = tag * pitch / places - tag_size;
+    if (places > tag && std::abs(misfit) <= kMostMisfitOfTag * tag_size) {
+      return {.tag = tag, .pitch = places};
+    }
+  }
+  return {};
+}
+
+std::optional<Lattice> Board::lattice() const {
+  const BoardDescription& d = description_;
+  const Steps steps = LatticeSteps();
+  if (steps.pitch == 0) return std::nullopt;
+  return Lattice{.width = (mark_columns() - 1) * steps.pitch + steps.tag + 1,
+                 .height = (mark_rows() - 1) * steps.pitch + steps.tag + 1,
+                 .spacing = d.kind == BoardKind::kTags && tags() > 1
+                                ? (d.tag_size + d.gap) / steps.pitch
+                                : std::max(d.tag_size, d.square)};
+}
+
+GridPlace Board::LatticePlaceOf(int id, int corner) const {
+  const GridPlace place = PlaceOf(id);
+  const Steps steps = LatticeSteps();
+  if (steps.pitch == 0) throw std::logic_error("the board's corners are on no lattice");
+  return {.row = place.row * steps.pitch + (corner < 2 ? steps.tag : 0),
+          .column = place.column * steps.pitch + (corner == 1 || corner == 2 ? steps.tag : 0)};
 }
 
 namespace {
 
-Board ReadBoard(const YamlNode& node) {
-  YamlMap map(node);
-  BoardDescription d;
-  d.name = map.Get<std::string>("name");
+void ReadSize(const YamlNode& node, BoardDescription& d) {
+  const std::optional<GridSize> size = GridSizeFromText(node.As<std::string>());
+  if (!size) node.Fail("it is columns x rows, such as 9x6");
+  d.columns = size->columns;
+  d.rows = size->rows;
+}
+
+void ReadTags(YamlMap& map, BoardDescription& d) {
   d.family = map.Get<std::string>("family", d.family);
   d.rows = map.Get<int>("rows", d.rows);
   d.columns = map.Get<int>("columns", d.columns);
   d.tag_size = map.Get<double>("tag_size");
   d.first_id = map.Get<int>("first_id", d.first_id);
+  if (const std::optional<YamlNode> first = map.Optional("first_row")) {
+    const auto row = first->As<std::string>();
+    if (row != "top" && row != "bottom") first->Fail("first_row is top or bottom");
+    d.from_bottom = row == "bottom";
+  }
   if (d.rows == 1 && d.columns == 1) {
     d.gap = map.Get<double>("gap", 0.0);
   } else {
     d.gap = map.Get<double>("gap");
   }
-  map.Finish();
+}
+
+void ReadCharuco(YamlMap& map, BoardDescription& d) {
+  d.kind = BoardKind::kCharuco;
+  d.square = map.Get<double>("square");
+  d.tag_size = map.Get<double>("marker");
+  d.dictionary = map.Get<std::string>("dictionary", d.dictionary);
+  d.first_id = map.Get<int>("first_id", d.first_id);
+  d.legacy = map.Get<bool>("legacy", d.legacy);
+}
+
+Board BoardOf(BoardDescription description, const YamlNode& node) {
   try {
-    return Board(std::move(d));
+    return Board(std::move(description));
   } catch (const std::invalid_argument& error) {
     node.Fail(error.what());
   }
 }
 
+Board ReadBoard(const YamlNode& node) {
+  YamlMap map(node);
+  BoardDescription d;
+  d.name = map.Get<std::string>("name");
+  if (const std::optional<YamlNode> size = map.Optional("chessboard")) {
+    d.kind = BoardKind::kChessboard;
+    ReadSize(*size, d);
+    d.square = map.Get<double>("square");
+  } else if (const std::optional<YamlNode> squares = map.Optional("charuco")) {
+    ReadSize(*squares, d);
+    ReadCharuco(map, d);
+  } else {
+    ReadTags(map, d);
+  }
+  map.Finish();
+  return BoardOf(std::move(d), node);
+}
+
+// A board as Kalibr describes it: one map with a target_type, keys in camel case.
+Board ReadKalibr(const YamlNode& node, const std::string& file) {
+  YamlMap map(node);
+  BoardDescription d;
+  d.name = std::filesystem::path(file).stem().string();
+  const YamlNode type = map.Required("target_type");
+  const auto kind = type.As<std::string>();
+  if (kind == "aprilgrid") {
+    d.family = kKalibrFamily;
+    d.columns = map.Get<int>("tagCols");
+    d.rows = map.Get<int>("tagRows");
+    d.tag_size = map.Get<double>("tagSize");
+    d.gap = d.tag_size * map.Get<double>("tagSpacing");
+    d.from_bottom = true;
+  } else if (kind == "checkerboard") {
+    d.kind = BoardKind::kChessboard;
+    d.columns = map.Get<int>("targetCols");
+    d.rows = map.Get<int>("targetRows");
+    d.square = map.Get<double>("rowSpacingMeters");
+    const YamlNode columns = map.Required("colSpacingMeters");
+    if (columns.As<double>() != d.square) columns.Fail("squares must be as wide as high");
+  } else {
+    type.Fail("target_type is aprilgrid or checkerboard; boards of circles are not read");
+  }
+  map.Finish();
+  return BoardOf(std::move(d), node);
+}
+
+// What is wrong with a chessboard or ChArUco board by itself; empty if nothing is.
+std::string SquaresFault(const BoardDescription& d) {
+  if (d.square > kLargestTag) {
+    return absl::StrCat("square ", d.square, " is in metres; millimetres must be divided by 1000");
+  }
+  if (d.kind != BoardKind::kCharuco) return "";
+  int markers = 0;
+  try {
+    markers = ArucoDictionary(d.dictionary)->bytesList.rows;
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  const int64_t beyond = d.first_id + int64_t{d.rows} * d.columns / 2;
+  if (beyond <= markers) return "";
+  return absl::StrCat("its ids are ", d.first_id, " to ", beyond - 1, ", but ", d.dictionary,
+                      " has only 0 to ", markers - 1);
+}
+
 // What is wrong with the board by itself; empty if nothing is.
 std::string BoardFault(const BoardDescription& d) {
+  if (d.kind != BoardKind::kTags) return SquaresFault(d);
   std::optional<TagFamily> family;
   try {
     family.emplace(d.family);
@@ -115,6 +292,28 @@ std::string BoardFault(const BoardDescription& d) {
   return "";
 }
 
+// Why marks of one board may be taken for the other's; empty if they may not.
+std::string SharedMarks(const Board& board, const Board& other) {
+  const BoardDescription& d = board.description();
+  const BoardDescription& o = other.description();
+  if (d.kind != o.kind) return "";
+  const std::string boards = absl::StrCat("the boards '", o.name, "' and '", d.name, "' ");
+  if (d.kind == BoardKind::kChessboard) {
+    if (std::minmax(d.rows, d.columns) != std::minmax(o.rows, o.columns)) return "";
+    return boards + "are chessboards of one size, so that no image tells them apart; take one out";
+  }
+  const int first = std::max(d.first_id, o.first_id);
+  if (d.kind == BoardKind::kTags) {
+    if (d.family != o.family || !board.HasTag(first) || !other.HasTag(first)) return "";
+    return absl::StrCat(boards, "both have tag ", first, " of ", d.family,
+                        "; print one of them with another first_id");
+  }
+  const auto beyond = [](const BoardDescription& b) { return b.first_id + b.rows * b.columns / 2; };
+  if (d.dictionary != o.dictionary || first >= std::min(beyond(d), beyond(o))) return "";
+  return absl::StrCat(boards, "both have marker ", first, " of ", d.dictionary,
+                      "; print one of them with another first_id");
+}
+
 // What is wrong with `boards[at]`, by itself or beside those before it.
 std::string BoardFault(std::span<const Board> boards, size_t at) {
   const BoardDescription& d = boards[at].description();
@@ -124,11 +323,7 @@ std::string BoardFault(std::span<const Board> boards, size_t at) {
   for (const Board& other : boards.first(at)) {
     const BoardDescription& o = other.description();
     if (o.name == d.name) return absl::StrCat("there are two boards '", d.name, "'; rename one");
-    const int first = std::max(d.first_id, o.first_id);
-    if (o.family == d.family && boards[at].HasTag(first) && other.HasTag(first)) {
-      return absl::StrCat("the boards '", o.name, "' and '", d.name, "' both have tag ", first,
-                          " of ", d.family, "; print one of them with another first_id");
-    }
+    if (const std::string fault = SharedMarks(boards[at], other); !fault.empty()) return fault;
   }
   return "";
 }
@@ -146,14 +341,30 @@ absl::Status CheckBoards(std::span<const Board> boards) {
 
 std::string BoardFileText(std::span<const Board> boards) {
   std::string text =
-      "# Boards of AprilTags. Lengths in metres: tag_size from corner to corner of a tag, gap\n"
+      "# Boards for calibration. Lengths in metres: tag_size from corner to corner of a tag, gap\n"
       "# between the corners of neighbours. If the print measures otherwise, correct them here.\n";
   for (const Board& board : boards) {
     const BoardDescription& d = board.description();
-    absl::StrAppend(&text, "- name: ", YamlQuoted(d.name), "\n  family: ", YamlQuoted(d.family),
-                    "\n  rows: ", d.rows, "\n  columns: ", d.columns,
-                    "\n  tag_size: ", CsvNumber(d.tag_size), "\n  gap: ", CsvNumber(d.gap),
-                    "\n  first_id: ", d.first_id, "\n");
+    const std::string size = absl::StrCat(d.columns, "x", d.rows);
+    absl::StrAppend(&text, "- name: ", YamlQuoted(d.name), "\n");
+    switch (d.kind) {
+      case BoardKind::kTags:
+        absl::StrAppend(&text, "  family: ", YamlQuoted(d.family), "\n  rows: ", d.rows,
+                        "\n  columns: ", d.columns, "\n  tag_size: ", CsvNumber(d.tag_size),
+                        "\n  gap: ", CsvNumber(d.gap), "\n  first_id: ", d.first_id, "\n",
+                        d.from_bottom ? "  first_row: bottom\n" : "");
+        break;
+      case BoardKind::kChessboard:
+        absl::StrAppend(&text, "  chessboard: ", size, "  # inner corners, columns x rows\n",
+                        "  square: ", CsvNumber(d.square), "\n");
+        break;
+      case BoardKind::kCharuco:
+        absl::StrAppend(&text, "  charuco: ", size, "  # squares, columns x rows\n",
+                        "  square: ", CsvNumber(d.square), "\n  marker: ", CsvNumber(d.tag_size),
+                        "\n  dictionary: ", d.dictionary, "\n  first_id: ", d.first_id, "\n",
+                        d.legacy ? "  legacy: true\n" : "");
+        break;
+    }
   }
   return text;
 }
@@ -163,8 +374,9 @@ absl::StatusOr<std::vector<Board>> BoardsFromText(const std::string& text,
   try {
     const YamlNode root = YamlNode::FromText(text, file);
     std::vector<Board> boards;
-    for (const YamlNode& item : root.Items()) {
-      boards.push_back(ReadBoard(item));
+    const bool kalibr = root.IsMap() && YamlMap(root).Optional("target_type").has_value();
+    for (const YamlNode& item : kalibr ? std::vector{root} : root.Items()) {
+      boards.push_back(kalibr ? ReadKalibr(item, file) : ReadBoard(item));
       if (const std::string fault = BoardFault(boards, boards.size() - 1); !fault.empty()) {
         item.Fail(fault);
       }

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Board: AprilTags in a grid on a plane, or a single tag. A plain value once it is made.
+// Board: marks in a grid on a plane, by which cameras are calibrated. A plain value once it is
+// made.
 //
-// The board's frame is that of its print: the origin at the top left corner of the first tag, x to
-// the right, y down, z into the paper; metres. A tag's corners are those that detection finds - for
-// the families with a ring of data around the border (tagStandard41h12, ...) the border's outer
-// edge, not the print's - in AprilTag's order: bottom left, bottom right, top right, top left.
+// A mark is what detection finds as one: an AprilTag with its four corners, or a single corner of a
+// chessboard. The board's frame is that of its print: the origin at the top left corner of all that
+// detection finds, x to the right, y down, z into the paper; metres. A tag's corners are those that
+// detection finds - for the families with a ring of data around the border (tagStandard41h12, ...)
+// the border's outer edge, not the print's - in AprilTag's order: bottom left, bottom right, top
+// right, top left.
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,40 +21,111 @@
 
 namespace silhouette {
 
-using TagCorners = std::array<Eigen::Vector3d, 4>;
+// Of one mark, in the board's frame: four of a tag, else one.
+using MarkCorners = std::vector<Eigen::Vector3d>;
+
+enum class BoardKind {
+  kTags,        // AprilTags, black on white, with gaps between them
+  kChessboard,  // squares; its marks are the inner corners
+  kCharuco,     // a chessboard with ArUco markers in its white squares; marks: the inner corners
+};
 
 struct BoardDescription {
-  std::string name;                         // what messages and files call it
-  std::string family = "tagStandard41h12";  // the AprilTag library's name of it
-  int rows = 1;                             // of tags
+  std::string name;  // what messages and files call it
+  BoardKind kind = BoardKind::kTags;
+  std::string family = "tagStandard41h12";  // tags: the AprilTag library's name of it
+  std::string dictionary = "DICT_4X4_50";   // ChArUco: OpenCV's name of it
+  // Of tags; of a chessboard's inner corners; of a ChArUco board's squares.
+  int rows = 1;
   int columns = 1;
-  double tag_size = 0;  // from corner to corner, metres
-  double gap = 0;       // between corners of neighbours; 0 for a single tag
-  int first_id = 0;     // ids go row by row from here
+  double tag_size = 0;  // tags: from corner to corner; ChArUco: a marker's side; metres
+  double gap = 0;       // tags: between corners of neighbours, metres; 0 for a single tag
+  double square = 0;    // chessboard, ChArUco: a square's side, metres
+  int first_id = 0;     // tags, ChArUco: ids go row by row from here
+  // Tags: the first row of ids is the lowest, not the topmost (Kalibr's AprilGrid).
+  bool from_bottom = false;
+  // ChArUco: as OpenCV before 4.6 drew boards with an even number of rows, with a marker, not a
+  // black square, in the top left corner. Boards with an odd number are the same.
+  bool legacy = false;
 };
+
+// A regular lattice of points in the board's plane, its first one at the board's origin.
+struct Lattice {
+  int width = 0;
+  int height = 0;
+  double spacing = 0;  // metres
+  bool operator==(const Lattice&) const = default;
+};
+
+struct GridSize {
+  int columns = 0;
+  int rows = 0;
+};
+// "9x6": columns x rows. Nothing if the text is not so.
+std::optional<GridSize> GridSizeFromText(const std::string& text);
+
+// A place in a grid, from the board's origin.
+struct GridPlace {
+  int row = 0;
+  int column = 0;
+};
+
+// Whether marks of this family (Board::family) are of an ambiguous board.
+bool IsAmbiguousFamily(const std::string& family);
 
 class Board {
  public:
   // Throws std::invalid_argument: no name, no row or column, a size that is not positive, several
-  // tags without a gap, more than a million tags, a negative or immense id.
+  // tags without a gap, a marker that is not smaller than its square, a chessboard of less than 3 x
+  // 3 squares, more than a million marks, a negative or immense id.
   explicit Board(BoardDescription description);
 
   const BoardDescription& description() const { return description_; }
-  int tags() const { return description_.rows * description_.columns; }
-
-  bool HasTag(int id) const;
-  bool HasTag(const std::string& family, int id) const {
-    return family == description_.family && HasTag(id);
+  // How many marks it has.
+  int tags() const { return mark_rows() * mark_columns(); }
+  int corners_per_mark() const { return description_.kind == BoardKind::kTags ? 4 : 1; }
+  // What its marks are called in sightings: the tags' family; else kind and size, such as
+  // "chessboard-9x6" (columns x rows), or "chessboard-8x8-symmetric" of an ambiguous one.
+  const std::string& family() const { return family_; }
+  // The id of its first mark; the others follow.
+  int first_mark() const {
+    return description_.kind == BoardKind::kTags ? description_.first_id : 0;
   }
-  // Throws std::out_of_range if the board does not have the tag.
-  TagCorners CornersOf(int id) const;
 
-  // Whether all corners together are one regular lattice, 2 * rows by 2 * columns, as mrcal wants
-  // them.
-  bool IsLattice() const;
+  bool HasTag(int id) const { return id >= first_mark() && id - first_mark() < tags(); }
+  bool HasTag(const std::string& family, int id) const { return family == family_ && HasTag(id); }
+  // Throws std::out_of_range if the board does not have the mark.
+  MarkCorners CornersOf(int id) const;
+
+  // From the origin to the opposite corner of all that is detected, metres.
+  Eigen::Vector2d extent() const;
+
+  // Whether it looks the same when it is turned by half, so that its frame is not certain: a
+  // chessboard with an even number of rows and columns together.
+  bool IsAmbiguous() const { return IsAmbiguousFamily(family_); }
+
+  // The coarsest lattice that has all corners, to a ten thousandth of a tag. Nothing: none with 20
+  // places a tag or less, as the gap is no simple fraction of the tag's size.
+  std::optional<Lattice> lattice() const;
+  // Where on it a corner of a mark is. Throws std::out_of_range as CornersOf, std::logic_error if
+  // there is no lattice.
+  GridPlace LatticePlaceOf(int id, int corner) const;
 
  private:
+  // Of the grid of marks.
+  int mark_rows() const;
+  int mark_columns() const;
+  // A mark's place in it. Throws std::out_of_range.
+  GridPlace PlaceOf(int id) const;
+  // Lattice places along a tag, and from a tag to the next; 0 if there is no lattice.
+  struct Steps {
+    int tag = 0;
+    int pitch = 0;
+  };
+  Steps LatticeSteps() const;
+
   BoardDescription description_;
+  std::string family_;
 };
 
 // The boards of a calibration session as a YAML file: a list of
@@ -63,6 +137,19 @@ class Board {
 //     tag_size: 0.040             # metres, from corner to corner
 //     gap: 0.040                  # metres, between the corners of neighbours
 //     first_id: 0                 # ids go row by row from here; 0 if not said
+//     first_row: top              # or bottom; top if not said
+//   - name: hand
+//     chessboard: 9x6             # inner corners, columns x rows
+//     square: 0.025               # metres
+//   - name: plate
+//     charuco: 7x5                # squares, columns x rows
+//     square: 0.040               # metres
+//     marker: 0.030               # metres, a marker's side
+//     dictionary: DICT_4X4_50     # this one if not said
+//     first_id: 0                 # 0 if not said
+//     legacy: false               # true: drawn by OpenCV before 4.6; false if not said
+//
+// or one board as Kalibr describes it (target_type: aprilgrid or checkerboard).
 
 // A tag that is larger, in metres, is taken for one in other units.
 inline constexpr double kLargestTag = 3;

@@ -12,8 +12,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/boards/board.h"
+#include "calib/boards/board_print.h"
 #include "calib/boards/canvas.h"
-#include "calib/boards/tag_family.h"
 
 namespace silhouette {
 namespace {
@@ -84,12 +84,11 @@ struct Extent {
   double height = 0;
 };
 
-// The tags' print, with `scale` applied to tag and gap.
+// The print, with `scale` applied.
 Extent PrintExtent(const Board& board, double scale = 1) {
-  const BoardDescription& d = board.description();
-  const double pitch = (d.tag_size + d.gap) * kMmPerMetre;
-  const double last = d.tag_size * kMmPerMetre + 2 * PrintRim(board);
-  return {scale * ((d.columns - 1) * pitch + last), scale * ((d.rows - 1) * pitch + last)};
+  const Eigen::Vector2d size =
+      scale * kMmPerMetre * (board.extent() + Eigen::Vector2d::Constant(2 * PrintRim(board)));
+  return {size.x(), size.y()};
 }
 
 Extent OutlineExtent(const Board& board, SheetKind kind, double scale = 1) {
@@ -125,25 +124,32 @@ std::string WithDigits(double mm) { return absl::StrFormat("%.0f", std::ceil(mm)
 [[noreturn]] void RefuseSize(const Board& board, SheetKind kind, int per_page,
                              const std::vector<Paper>& papers) {
   const BoardDescription& d = board.description();
+  const bool tags = d.kind == BoardKind::kTags;
+  const double side = kMmPerMetre * (tags ? d.tag_size : d.square);
+  std::string what = absl::StrCat(d.rows, " x ", d.columns, " tags of ");
+  if (!tags) {
+    what = absl::StrCat(d.columns, "x", d.rows, d.kind == BoardKind::kCharuco ? "" : " corners,",
+                        " squares of ");
+  }
   const Extent outline = OutlineExtent(board, kind);
   const Paper& largest = papers.back();
-  std::string message = absl::StrCat(
-      "board '", d.name, "' (", d.rows, " x ", d.columns, " tags of ", d.tag_size * kMmPerMetre,
-      " mm) needs ", WithDigits(outline.width), " x ", WithDigits(outline.height), " mm",
-      per_page > 1 ? absl::StrCat(" for each of ", per_page, " a page") : "", ", but ",
-      largest.name, " has room for ", std::floor(Room(largest).width), " x ",
-      std::floor(Room(largest).height), " mm beside margins and notes; take ");
+  std::string message =
+      absl::StrCat("board '", d.name, "' (", what, side, " mm) needs ", WithDigits(outline.width),
+                   " x ", WithDigits(outline.height), " mm",
+                   per_page > 1 ? absl::StrCat(" for each of ", per_page, " a page") : "", ", but ",
+                   largest.name, " has room for ", std::floor(Room(largest).width), " x ",
+                   std::floor(Room(largest).height), " mm beside margins and notes; take ");
   if (const std::optional<Paper> paper = FirstFitting(AutomaticPapers(), outline, per_page)) {
     absl::StrAppend(&message, "--paper '", paper->name, "', ");
   }
-  double tag = 0;  // the largest that fits, in steps of half a millimetre
-  for (double size = 0.5; size < d.tag_size * kMmPerMetre; size += 0.5) {
-    const Extent smaller = OutlineExtent(board, kind, size / (d.tag_size * kMmPerMetre));
-    if (FirstFitting(papers, smaller, per_page)) tag = size;
+  double fitting = 0;  // the largest, in steps of half a millimetre
+  for (double size = 0.5; size < side; size += 0.5) {
+    const Extent smaller = OutlineExtent(board, kind, size / side);
+    if (FirstFitting(papers, smaller, per_page)) fitting = size;
   }
-  if (tag >= kLeastTag) {
-    absl::StrAppend(&message, "--tag-size ", tag, d.gap > 0 ? " (the gap in proportion)" : "",
-                    " or less, ");
+  if (fitting >= kLeastTag) {
+    absl::StrAppend(&message, tags ? "--tag-size " : "--square ", fitting,
+                    d.gap > 0 ? " (the gap in proportion)" : "", " or less, ");
   }
   absl::StrAppend(&message, "or ", per_page > 1 ? "fewer tags a page" : "fewer rows and columns");
   throw std::invalid_argument(message);
@@ -162,19 +168,13 @@ void RequireSingleTags(const std::vector<Board>& boards, SheetKind kind) {
 
 PlacedBoard Place(const Board& board, SheetKind kind, PagePoint corner) {
   const Extent outline = OutlineExtent(board, kind);
-  const double inset = MeasuresOf(kind).band + PrintRim(board);
+  const double inset = MeasuresOf(kind).band + kMmPerMetre * PrintRim(board);
   return {board,
           {corner.x + inset, corner.y + inset},
           {corner.x, corner.y, outline.width, outline.height}};
 }
 
 }  // namespace
-
-double PrintRim(const Board& board) {
-  const TagFamily family(board.description().family);
-  const double module = board.description().tag_size * kMmPerMetre / family.width_at_border();
-  return module * (family.total_width() - family.width_at_border()) / 2;
-}
 
 std::vector<BoardSheet> LayOutSheets(const std::vector<Board>& boards, SheetKind kind, int per_page,
                                      const std::vector<Paper>& papers) {

@@ -28,9 +28,6 @@ struct BoardSheet {
   std::vector<PlacedBoard> boards;
 };
 
-// Millimetres between the corners and the rim of a tag's print.
-double PrintRim(const Board& board);
-
 // `per_page` boards a sheet, all on one of `papers`: the first on which they fit. Throws
 // std::invalid_argument, naming the mend: no board, single tags that are none, what CheckBoards
 // refuses, boards that fit on none of the papers.

@@ -2,9 +2,11 @@
 // What is drawn on a sheet.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/boards/board_print.h"
 #include "calib/boards/board_sheet.h"
 #include "calib/boards/tag_family.h"
 
@@ -27,37 +29,27 @@ struct Piece {
   explicit Piece(const PlacedBoard& board)
       : placed(board),
         d(board.board.description()),
-        tag(1000 * d.tag_size),
-        pitch(1000 * (d.tag_size + d.gap)),
-        rim(PrintRim(board.board)),
-        square{board.origin.x, board.origin.y, (d.columns - 1) * pitch + tag,
-               (d.rows - 1) * pitch + tag},
+        side(1000 * (d.kind == BoardKind::kTags ? d.tag_size : d.square)),
+        rim(1000 * PrintRim(board.board)),
+        square{board.origin.x, board.origin.y, 1000 * board.board.extent().x(),
+               1000 * board.board.extent().y()},
         print{square.left - rim, square.top - rim, square.width + 2 * rim,
               square.height + 2 * rim} {}
 
   const PlacedBoard& placed;
   const BoardDescription& d;
-  double tag;
-  double pitch;
+  double side;  // of a tag, or of a square
   double rim;
   PageBox square;  // around all corners
-  PageBox print;   // around all tags
+  PageBox print;
 };
 
-void DrawTags(Canvas& canvas, const Piece& piece) {
-  const TagFamily family(piece.d.family);
-  const double module = piece.tag / family.width_at_border();
+void DrawPrint(Canvas& canvas, const Piece& piece) {
   std::vector<PageBox> black;
-  for (int i = 0; i < piece.placed.board.tags(); ++i) {
-    const double left = piece.print.left + piece.pitch * (i % piece.d.columns);
-    const double top = piece.print.top + piece.pitch * (i / piece.d.columns);
-    const TagModules modules = family.Modules(piece.d.first_id + i);
-    for (int row = 0; row < modules.width; ++row) {
-      for (int column = 0; column < modules.width; ++column) {
-        if (modules.White(column, row)) continue;
-        black.push_back({left + column * module, top + row * module, module, module});
-      }
-    }
+  for (const Eigen::AlignedBox2d& box : PrintOf(piece.placed.board).black) {
+    const Eigen::Vector2d size = 1000 * box.sizes();
+    black.push_back({piece.square.left + 1000 * box.min().x(),
+                     piece.square.top + 1000 * box.min().y(), size.x(), size.y()});
   }
   canvas.Fill(black);
 }
@@ -75,7 +67,7 @@ void DrawCutMarks(Canvas& canvas, const PageBox& outline) {
 
 // The board's axes, beside the print where they begin.
 void DrawAxes(Canvas& canvas, const Piece& piece, double away) {
-  const double length = std::min(15.0, piece.tag);
+  const double length = std::min(15.0, piece.side);
   const double x = piece.print.left - away;
   const double y = piece.print.top - away;
   const PageBox& s = piece.square;
@@ -109,16 +101,17 @@ void DrawMeasures(Canvas& canvas, const Piece& piece, double away) {
 
 // The tags' ids, faint, in the gaps below them.
 void DrawIds(Canvas& canvas, const Piece& piece) {
-  const double gap = piece.pitch - piece.tag - 2 * piece.rim;
+  const Board& board = piece.placed.board;
+  if (piece.d.kind != BoardKind::kTags || piece.d.family == kKalibrFamily) return;
+  const double gap = 1000 * piece.d.gap - 2 * piece.rim;
   const double height = std::min(kSmallText, 0.5 * gap);
-  if (piece.placed.board.tags() > 1 && height < 1) return;  // too small to read
+  if (board.tags() > 1 && height < 1) return;  // too small to read
   canvas.SetGrey(kFaint);
-  for (int i = 0; i < piece.placed.board.tags(); ++i) {
-    const double x = piece.square.left + piece.pitch * (i % piece.d.columns) + piece.tag / 2;
-    const double y = piece.square.top + piece.pitch * (i / piece.d.columns) + piece.tag +
-                     piece.rim + std::min(gap, 4.0) / 2;
-    canvas.Text({x, y + 0.36 * height}, absl::StrCat(piece.d.first_id + i), height,
-                TextAlign::kMiddle);
+  for (int id = piece.d.first_id; board.HasTag(id); ++id) {
+    const MarkCorners corners = board.CornersOf(id);
+    const double x = piece.square.left + 500 * (corners[0].x() + corners[1].x());
+    const double y = piece.square.top + 1000 * corners[0].y() + piece.rim + std::min(gap, 4.0) / 2;
+    canvas.Text({x, y + 0.36 * height}, absl::StrCat(id), height, TextAlign::kMiddle);
   }
   canvas.SetGrey(kInk);
 }
@@ -170,18 +163,38 @@ std::string Ids(const Piece& piece) {
   return first == last ? absl::StrCat("id ", first) : absl::StrCat("ids ", first, "-", last);
 }
 
+// Two lines that say what the board is.
+std::pair<std::string, std::string> CaptionOf(const Piece& piece) {
+  const BoardDescription& d = piece.d;
+  const std::string name = d.name + ":  ";
+  const std::string size = absl::StrCat(d.columns, " x ", d.rows);
+  const std::string square = absl::StrCat("square ", Plain(piece.side), " mm");
+  switch (d.kind) {
+    case BoardKind::kTags: {
+      const std::string tag = absl::StrCat("tag_size ", Plain(piece.side), " mm");
+      const std::string tags = absl::StrCat(name, d.family, "  ", Ids(piece));
+      if (piece.placed.board.tags() == 1) return {tags, tag};
+      return {
+          absl::StrCat(tags, "  ", d.rows, " rows x ", d.columns, " columns"),
+          absl::StrCat(tag, ", gap ", Plain(1000 * d.gap), " mm, measured from corner to corner")};
+    }
+    case BoardKind::kChessboard:
+      return {absl::StrCat(name, "chessboard of ", size, " inner corners (columns x rows)"),
+              square};
+    case BoardKind::kCharuco:
+      return {absl::StrCat(name, "ChArUco board of ", size, " squares (columns x rows), ",
+                           d.dictionary, " from id ", d.first_id),
+              absl::StrCat(square, ", marker ", Plain(1000 * d.tag_size), " mm")};
+  }
+  return {};
+}
+
 void DrawCaption(Canvas& canvas, const Piece& piece, SheetKind kind) {
   const PageBox& outline = piece.placed.outline;
   const double top = outline.bottom() - MeasuresOf(kind).caption;
   const double left = std::max(outline.left + 2, piece.square.left - piece.rim);
   const double most = outline.right() - 2 - left;
-  std::string first = absl::StrCat(piece.d.name, ":  ", piece.d.family, "  ", Ids(piece));
-  std::string second = absl::StrCat("tag_size ", Plain(piece.tag), " mm");
-  if (piece.placed.board.tags() > 1) {
-    absl::StrAppend(&first, "  ", piece.d.rows, " rows x ", piece.d.columns, " columns");
-    absl::StrAppend(&second, ", gap ", Plain(1000 * piece.d.gap),
-                    " mm, measured from corner to corner");
-  }
+  auto [first, second] = CaptionOf(piece);
   if (kind == SheetKind::kFlangeTag) {
     absl::StrAppend(&second, "; flange frame in its middle, z out of the paper");
   }
@@ -192,7 +205,7 @@ void DrawCaption(Canvas& canvas, const Piece& piece, SheetKind kind) {
 
 void DrawPiece(Canvas& canvas, const PlacedBoard& placed, SheetKind kind) {
   const Piece piece(placed);
-  DrawTags(canvas, piece);
+  DrawPrint(canvas, piece);
   DrawCutMarks(canvas, placed.outline);
   DrawCaption(canvas, piece, kind);
   switch (kind) {
@@ -213,6 +226,11 @@ void DrawPiece(Canvas& canvas, const PlacedBoard& placed, SheetKind kind) {
 
 // How corners are found on the paper with a rule.
 std::string HowToMeasure(const Piece& piece, SheetKind kind) {
+  if (piece.d.kind != BoardKind::kTags) {
+    return "The board's frame: origin at the first inner corner (top left), x right, y down, z "
+           "into "
+           "the paper.";
+  }
   const bool ring = TagFamily(piece.d.family).reversed_border();
   std::string text = absl::StrCat("A tag's corners: of ",
                                   ring ? "the white ring in its middle, along the ring's outer edge"
@@ -221,11 +239,13 @@ std::string HowToMeasure(const Piece& piece, SheetKind kind) {
     return absl::StrCat(text,
                         ". Glued with its middle on the flange's axis, a point x y z of the "
                         "board, in mm, is at ",
-                        Plain(-piece.tag / 2), " + x, ", Plain(piece.tag / 2),
+                        Plain(-piece.side / 2), " + x, ", Plain(piece.side / 2),
                         " - y, t - z of the flange (t: thickness).");
   }
+  const int first = piece.d.first_id;
+  const int top = piece.d.from_bottom ? first + (piece.d.rows - 1) * piece.d.columns : first;
   const std::string corner = kind == SheetKind::kBoard
-                                 ? absl::StrCat("the top left corner of tag ", piece.d.first_id)
+                                 ? absl::StrCat("the top left corner of tag ", top)
                                  : "the tag's top left corner (3)";
   return absl::StrCat(text, ". The board's frame: origin at ", corner,
                       ", x right, y down, z into the paper.");
@@ -249,8 +269,8 @@ void DrawFooter(Canvas& canvas, const BoardSheet& sheet) {
                            "page\")."),
               kText, TextAlign::kLeft, most - bar - 3);
   const std::string notes[] = {
-      absl::StrCat("If it measures L mm, multiply tag_size and gap in the board's file by L / ",
-                   bar, ". Glue the print flat onto a stiff, matt plate; cut at the marks."),
+      absl::StrCat("If it measures L mm, multiply the lengths in the board's file by L / ", bar,
+                   ". Glue the print flat onto a stiff, matt plate; cut at the marks."),
       HowToMeasure(Piece(sheet.boards.front()), sheet.kind)};
   double line = y + 6.5;
   for (const std::string& note : notes) {

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/boards/sighting_file.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <stdexcept>
@@ -13,6 +15,8 @@
 namespace silhouette {
 namespace {
 
+constexpr int kOfTag = 4;  // corners
+
 const std::vector<std::string>& Columns() {
   static const std::vector<std::string> columns = {"frame",  "view", "family", "tag",
                                                    "corner", "x",    "y",      "sigma"};
@@ -23,7 +27,7 @@ const std::vector<std::string>& Columns() {
 struct Partial {
   std::string place;  // of its first line
   size_t index = 0;   // in the result
-  std::array<bool, 4> seen{};
+  std::array<bool, kOfTag> seen{};
 };
 
 struct CornerLine {
@@ -50,7 +54,7 @@ absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
     if (row.Text(column).empty()) return Mistake(row, "the " + Columns()[column] + " is empty");
   }
   if (*tag < 0) return Mistake(row, absl::StrCat("tag ", *tag, ": ids are not negative"));
-  if (*corner < 0 || *corner > 3) {
+  if (*corner < 0 || *corner >= kOfTag) {
     return Mistake(row, absl::StrCat("corner ", *corner, ": corners are 0 to 3"));
   }
   if (*sigma <= 0) {
@@ -77,6 +81,9 @@ std::string SightingFault(const TagSighting& sighting) {
     if (name.find_first_of("\r\n") != std::string::npos) return "a line break in a name";
   }
   if (sighting.tag < 0) return "a negative id";
+  if (sighting.corners.size() != 1 && sighting.corners.size() != kOfTag) {
+    return "neither one nor four corners";
+  }
   for (const Eigen::Vector2d& corner : sighting.corners) {
     if (!corner.allFinite()) return "a corner that is not finite";
   }
@@ -92,7 +99,7 @@ std::string SightingFileText(std::span<const TagSighting> sightings) {
     if (const std::string fault = SightingFault(s); !fault.empty()) {
       throw std::invalid_argument(Name(s) + " has " + fault);
     }
-    for (int corner = 0; corner < 4; ++corner) {
+    for (size_t corner = 0; corner < s.corners.size(); ++corner) {
       absl::StrAppend(&text, CsvField(s.frame), ",", CsvField(s.view), ",", CsvField(s.family), ",",
                       s.tag, ",", corner, ",", CsvNumber(s.corners[corner].x()), ",",
                       CsvNumber(s.corners[corner].y()), ",", CsvNumber(s.sigma), "\n");
@@ -111,7 +118,10 @@ absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& te
     const TagSighting& tag = line.tag;
     const auto [found, first] = partials.try_emplace({tag.frame, tag.view, tag.family, tag.tag},
                                                      Partial{row.place(), sightings.size(), {}});
-    if (first) sightings.push_back(tag);
+    if (first) {
+      sightings.push_back(tag);
+      sightings.back().corners.resize(kOfTag);
+    }
     Partial& partial = found->second;
     TagSighting& sighting = sightings[partial.index];
     if (partial.seen[line.corner]) {
@@ -124,12 +134,25 @@ absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& te
     partial.seen[line.corner] = true;
     sighting.corners[line.corner] = line.at;
   }
+  std::map<std::string, int> marks;   // of each family
+  std::map<std::string, int> single;  // those with one corner
   for (const auto& [key, partial] : partials) {
-    for (int corner = 0; corner < 4; ++corner) {
-      if (partial.seen[corner]) continue;
-      return InvalidArgument(partial.place, ": ", Name(sightings[partial.index]), " has no corner ",
-                             corner);
+    ++marks[sightings[partial.index].family];
+    const auto missing = std::ranges::find(partial.seen, false);
+    if (missing == partial.seen.end()) continue;
+    TagSighting& sighting = sightings[partial.index];
+    if (partial.seen[0] && std::ranges::count(partial.seen, true) == 1) {
+      sighting.corners.resize(1);
+      ++single[sighting.family];
+      continue;
     }
+    return InvalidArgument(partial.place, ": ", Name(sighting), " has no corner ",
+                           missing - partial.seen.begin());
+  }
+  for (const auto& [family, count] : single) {
+    if (count == marks.at(family)) continue;
+    return InvalidArgument(file, ": of ", family, ", ", count,
+                           " marks have one corner and the others four; a tag has four");
   }
   return sightings;
 }

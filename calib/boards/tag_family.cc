@@ -29,10 +29,22 @@ struct Maker {
   void (*destroy)(apriltag_family_t*);
 };
 
+apriltag_family_t* CreateKalibr() {
+  apriltag_family_t* family = tag36h11_create();
+  family->width_at_border += 2;
+  family->total_width += 2;
+  for (uint32_t i = 0; i < family->nbits; ++i) {
+    ++family->bit_x[i];
+    ++family->bit_y[i];
+  }
+  return family;
+}
+
 constexpr Maker kMakers[] = {
     {"tagStandard41h12", tagStandard41h12_create, tagStandard41h12_destroy},
     {"tagStandard52h13", tagStandard52h13_create, tagStandard52h13_destroy},
     {"tag36h11", tag36h11_create, tag36h11_destroy},
+    {kKalibrFamily, CreateKalibr, tag36h11_destroy},
     {"tag36h10", tag36h10_create, tag36h10_destroy},
     {"tag25h9", tag25h9_create, tag25h9_destroy},
     {"tag16h5", tag16h5_create, tag16h5_destroy},

@@ -21,6 +21,9 @@ struct TagModules {
 // The library's own object. Not thread-safe, and good for one detector at a time.
 using AprilTagFamily = std::unique_ptr<apriltag_family, void (*)(apriltag_family*)>;
 
+// tag36h11 with a black border of two modules, as Kalibr prints AprilGrids.
+inline constexpr char kKalibrFamily[] = "tag36h11b2";
+
 class TagFamily {
  public:
   // Throws std::invalid_argument, with the families there are and the nearest, for any other name.

@@ -6,6 +6,7 @@
 #include <array>
 #include <opencv2/core/mat.hpp>
 #include <optional>
+#include <vector>
 
 #include "calib/camera/camera_model.h"
 
@@ -89,5 +90,25 @@ struct FittedCorners {
 std::optional<FittedCorners> FitCorners(const cv::Mat& image,
                                         const std::optional<CameraModel>& lens,
                                         const PixelCorners& corners, double module);
+
+struct FittedCorner {
+  Eigen::Vector2d at = Eigen::Vector2d::Zero();  // pixels
+  double sigma = 0;                              // standard deviation per axis, pixels
+  double blur = 0;                               // mean of the edges', pixels
+};
+
+// A chessboard's inner corners, row by row, as far as they are known.
+struct ChessCorners {
+  int rows = 0;
+  int columns = 0;
+  std::vector<std::optional<Eigen::Vector2d>> at;  // pixels with integers at pixel centres
+};
+
+// Each corner as the place where the edges between it and its neighbours meet. `room`: the share of
+// a square's side beside an edge in which there is no other edge. Nothing where fewer than one edge
+// in each direction is there as it should be, or squares are too small for their blur.
+std::vector<std::optional<FittedCorner>> FitChessCorners(const cv::Mat& image,
+                                                         const std::optional<CameraModel>& lens,
+                                                         const ChessCorners& corners, double room);
 
 }  // namespace silhouette

@@ -43,7 +43,7 @@ std::vector<std::string> WarningsOf(const ImageTags& image) {
         "shows its tags mirrored; turn the camera's image over again, or print the board "
         "unmirrored");
   } else if (image.tags.empty() && image.foreign.empty() && image.ambiguous.empty()) {
-    warnings.push_back("shows no tag");
+    warnings.push_back("shows none of the boards");
   }
   if (!image.ambiguous.empty()) {
     warnings.push_back(absl::StrCat("shows ", NamesOf(image.ambiguous),
@@ -140,7 +140,7 @@ absl::Status DetectSession::CheckThatTagsWereSeen() const {
     mirrored += image.tags.mirrored ? 1 : 0;
   }
   const std::string none =
-      absl::StrCat("none of ", images_.size(), " images shows a tag of the boards");
+      absl::StrCat("none of ", images_.size(), " images shows one of the boards");
   if (mirrored > 0) {
     return absl::NotFoundError(
         absl::StrCat(none, ", but ", mirrored,
@@ -153,8 +153,8 @@ absl::Status DetectSession::CheckThatTagsWereSeen() const {
   }
   return absl::NotFoundError(absl::StrCat(
       none,
-      "; look at them: whole tags of 15 pixels and more must be in the image, sharp and with "
-      "a white rim"));
+      "; look at them: whole tags of 15 pixels and more, or a whole chessboard, must be in the "
+      "image, sharp and with a white rim"));
 }
 
 }  // namespace silhouette

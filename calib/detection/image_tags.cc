@@ -40,13 +40,18 @@ bool AtRim(const DetectedTag& tag, const cv::Size& size) {
   return false;
 }
 
-bool ShowsBoardsMirrored(TagDetector& detector, const cv::Mat& image,
-                         std::span<const Board> boards) {
+// A mirrored chessboard is one, too.
+bool ShowsBoardsMirrored(BoardDetector& detector, const cv::Mat& image) {
+  if (std::ranges::all_of(detector.boards(), [](const Board& board) {
+        return board.description().kind == BoardKind::kChessboard;
+      })) {
+    return false;
+  }
   cv::Mat mirrored;
   cv::flip(image, mirrored, 1);
   const std::vector<DetectedTag> tags = detector.Detect(mirrored);
   return std::ranges::any_of(
-      tags, [&](const DetectedTag& tag) { return BoardOf(tag, boards) != nullptr; });
+      tags, [&](const DetectedTag& tag) { return BoardOf(tag, detector.boards()) != nullptr; });
 }
 
 }  // namespace
@@ -71,8 +76,8 @@ double ImageTags::TypicalSigma() const {
   return tags.empty() ? 0 : std::sqrt(sum / static_cast<double>(tags.size()));
 }
 
-ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
-                   const std::optional<CameraModel>& lens, std::span<const Board> boards) {
+ImageTags FindTags(BoardDetector& detector, const cv::Mat& image,
+                   const std::optional<CameraModel>& lens) {
   ImageTags found;
   found.size = image.size();
   found.digest = DigestOf(image);
@@ -81,7 +86,7 @@ ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
   std::vector<DetectedTag> all = detector.Detect(image, lens);
   for (const DetectedTag& tag : all) ++times[{tag.family, tag.tag}];
   for (DetectedTag& tag : all) {
-    const Board* board = BoardOf(tag, boards);
+    const Board* board = BoardOf(tag, detector.boards());
     if (board == nullptr) {
       found.foreign.push_back(std::move(tag));
     } else if (times[{tag.family, tag.tag}] > 1) {
@@ -92,7 +97,7 @@ ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
       found.tags.push_back(std::move(tag));
     }
   }
-  if (all.empty()) found.mirrored = ShowsBoardsMirrored(detector, image, boards);
+  if (all.empty()) found.mirrored = ShowsBoardsMirrored(detector, image);
   return found;
 }
 
@@ -113,7 +118,7 @@ bool ShowTheSame(const ImageTags& a, const ImageTags& b) {
   if (a.view != b.view || a.tags.empty() || a.tags.size() != b.tags.size()) return false;
   for (size_t i = 0; i < a.tags.size(); ++i) {
     if (a.tags[i].family != b.tags[i].family || a.tags[i].tag != b.tags[i].tag) return false;
-    for (int k = 0; k < 4; ++k) {
+    for (size_t k = 0; k < a.tags[i].corners.size(); ++k) {
       if ((a.tags[i].corners[k] - b.tags[i].corners[k]).norm() > kSamePlace) return false;
     }
   }

@@ -11,7 +11,7 @@
 
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
-#include "calib/detection/tag_detector.h"
+#include "calib/detection/board_detector.h"
 
 namespace silhouette {
 
@@ -35,8 +35,8 @@ struct ImageTags {
 };
 
 // `image`: CV_8UC1.
-ImageTags FindTags(TagDetector& detector, const cv::Mat& image,
-                   const std::optional<CameraModel>& lens, std::span<const Board> boards);
+ImageTags FindTags(BoardDetector& detector, const cv::Mat& image,
+                   const std::optional<CameraModel>& lens);
 
 std::vector<TagSighting> SightingsOf(const ImageTags& image);
 

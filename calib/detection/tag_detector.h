@@ -16,14 +16,15 @@
 
 namespace silhouette {
 
+// A tag, or a mark of another board.
 struct DetectedTag {
   std::string family;
   int tag = 0;
-  PixelCorners corners;  // integers at pixel centres; in the order of Board::CornersOf
-  double sigma = 0;      // standard deviation of a corner per axis, pixels
-  double size = 0;       // mean length of its sides, pixels
-  bool fitted = false;   // corners by its edges, else the library's
-  double blur = 0;       // of its edges, pixels; 0 if not fitted
+  std::vector<Eigen::Vector2d> corners;  // integers at pixel centres; as Board::CornersOf
+  double sigma = 0;                      // standard deviation of a corner per axis, pixels
+  double size = 0;                       // mean length of a tag's, or a square's, sides, pixels
+  bool fitted = false;                   // corners by fitted edges, else the library's
+  double blur = 0;                       // of its edges, pixels; 0 if not fitted
 };
 
 class TagDetector {

@@ -115,7 +115,7 @@ std::string TagsText(const CalibrationRecord& record, const CellDescription& cel
     absl::StrAppend(&text, "  - {view: ", YamlQuoted(cell.views(tag.view()).name()),
                     ", family: ", YamlQuoted(tag.family()), ", tag: ", tag.tag());
     absl::StrAppendFormat(&text, ", sigma: %.17g,\n     corners: [", tag.sigma());
-    for (int i = 0; i < 8; i += 2) {
+    for (int i = 0; i + 1 < tag.corners_size(); i += 2) {
       absl::StrAppendFormat(&text, "%s[%.17g, %.17g]", i == 0 ? "" : ", ", tag.corners(i),
                             tag.corners(i + 1));
     }
@@ -168,7 +168,9 @@ FixedTag ReadTag(const YamlNode& node, const CellDescription& cell) {
   tag.set_family(map.Get<std::string>("family"));
   tag.set_tag(map.Get<int>("tag"));
   tag.set_sigma(map.Get<double>("sigma"));
-  for (const YamlNode& corner : map.Required("corners").Items(4)) {
+  const YamlNode corners = map.Required("corners");
+  if (corners.Items().size() != 1) corners.Items(4);
+  for (const YamlNode& corner : corners.Items()) {
     for (const double value : corner.Values<double>(2)) tag.add_corners(value);
   }
   map.Finish();

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <tuple>
 
+#include "calib/boards/board.h"
+
 namespace silhouette {
 namespace {
 
@@ -44,6 +46,7 @@ ViewPair CornersOfPair(std::span<const TagSighting> sightings, const std::string
     const auto found = in_b.find(key);
     if (found == in_b.end()) continue;
     const TagSighting* b = found->second;
+    if (IsAmbiguousFamily(a->family) || a->corners.size() != b->corners.size()) continue;
     if (pair.frames.empty() || pair.frames.back() != a->frame) pair.frames.push_back(a->frame);
     for (size_t i = 0; i < a->corners.size(); ++i) {
       pair.corners.push_back({.a = a->corners[i],

@@ -97,7 +97,7 @@ absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
     for (Eigen::Vector2d& corner : mean.corners) corner.setZero();
     const auto count = static_cast<double>(seen.size());
     for (const TagSighting* sighting : seen) {
-      for (size_t i = 0; i < mean.corners.size(); ++i) {
+      for (size_t i = 0; i < std::min(mean.corners.size(), sighting->corners.size()); ++i) {
         if ((sighting->corners[i] - seen.front()->corners[i]).norm() > kStill) {
           return absl::InvalidArgumentError(
               absl::StrCat("view '", mean.view, "': tag ", mean.tag, " of ", mean.family,
@@ -126,6 +126,7 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
   for (const auto& [key, was] : before) {
     const auto is = after.find(key);
     if (was.view != view || is == after.end()) continue;
+    if (is->second.corners.size() != was.corners.size()) continue;
     for (size_t i = 0; i < was.corners.size(); ++i) {
       corners.push_back({was.corners[i], is->second.corners[i],
                          std::hypot(was.sigma, is->second.sigma), was.tag});

@@ -51,11 +51,16 @@ bool IsCutByRim(const LensCamera& camera, const TagSighting& sighting) {
       sighting.corners, [&](const Eigen::Vector2d& corner) { return Outside(camera, corner) > 0; });
 }
 
-absl::Status CheckSighting(const LensCamera& camera, const TagSighting& sighting) {
+absl::Status CheckSighting(const LensCamera& camera, const Board& board,
+                           const TagSighting& sighting) {
   const std::string where =
       absl::StrCat("view '", sighting.view, "', frame '", sighting.frame, "', tag ", sighting.tag);
   if (!(sighting.sigma > 0) || !std::isfinite(sighting.sigma)) {
     return InvalidArgument(where, ": sigma must be positive");
+  }
+  if (sighting.corners.size() != static_cast<size_t>(board.corners_per_mark())) {
+    return InvalidArgument(where, ": it has ", sighting.corners.size(), " corners, not ",
+                           board.corners_per_mark());
   }
   for (const Eigen::Vector2d& corner : sighting.corners) {
     if (!corner.allFinite()) {
@@ -71,9 +76,13 @@ absl::Status CheckSighting(const LensCamera& camera, const TagSighting& sighting
   return absl::OkStatus();
 }
 
+std::string StandOf(const TagSighting& sighting, const Board& board) {
+  return board.IsAmbiguous() ? absl::StrCat(sighting.frame, " of ", sighting.view) : sighting.frame;
+}
+
 // Which of the boards that were seen shall be used, and their common lattice.
-absl::Status ChooseBoards(const std::vector<Board>& boards, const std::set<size_t>& seen,
-                          BoardViews& out) {
+absl::Status ChooseBoards(const std::vector<LensCamera>& cameras, const std::vector<Board>& boards,
+                          const std::set<size_t>& seen, BoardViews& out) {
   int most = 0;
   for (const size_t i : seen) most = std::max(most, boards[i].tags());
   std::optional<size_t> first;
@@ -84,23 +93,26 @@ absl::Status ChooseBoards(const std::vector<Board>& boards, const std::set<size_
       out.warnings.push_back(absl::StrCat("the single tag '", name, "' is not used for lenses"));
       continue;
     }
-    if (!board.IsLattice()) {
+    const std::optional<Lattice> lattice = board.lattice();
+    if (!lattice) {
       return InvalidArgument(absl::StrFormat(
-          "board '%s': its corners are no regular lattice, as the gap of %g m is not the tag's "
-          "size "
-          "of %g m; print a board whose gap equals its tag's size (tagStandard41h12 with a gap of "
-          "one module) for the lenses",
+          "board '%s': its corners are on no regular lattice, as the gap of %g m is no simple "
+          "fraction of the tag's size of %g m; round them if they were measured, or print a board "
+          "whose gap equals its tag's size for the lenses",
           name, board.description().gap, board.description().tag_size));
     }
-    const Lattice lattice = LatticeOf(board);
     if (!first) {
       first = i;
-      out.lattice = lattice;
-    } else if (lattice.width != out.lattice.width || lattice.height != out.lattice.height ||
-               std::abs(lattice.spacing - out.lattice.spacing) > 1e-9) {
+      out.lattice = *lattice;
+    } else if (lattice->width != out.lattice.width || lattice->height != out.lattice.height ||
+               std::abs(lattice->spacing - out.lattice.spacing) > 1e-9) {
       return InvalidArgument(
           "boards '", boards[*first].description().name, "' and '", name,
           "' differ in rows, columns or tag size; use only boards of one kind for the lenses");
+    }
+    if (board.IsAmbiguous() && cameras.size() > 1) {
+      out.warnings.push_back(absl::StrCat(
+          "board '", name, "' looks the same turned by half, so it ties no cameras together"));
     }
     out.boards.push_back(i);
   }
@@ -128,17 +140,10 @@ void LeaveOutCopies(const std::vector<LensCamera>& cameras, BoardViews& out) {
 
 }  // namespace
 
-Lattice LatticeOf(const Board& board) {
-  const BoardDescription& d = board.description();
-  return {.width = 2 * d.columns, .height = 2 * d.rows, .spacing = d.tag_size};
-}
-
-size_t LatticeIndex(const Board& board, int place, int corner) {
-  const BoardDescription& d = board.description();
-  const int row = 2 * (place / d.columns) + (corner < 2 ? 1 : 0);
-  const int column = 2 * (place % d.columns) + (corner == 1 || corner == 2 ? 1 : 0);
-  return static_cast<size_t>(row) * static_cast<size_t>(2 * d.columns) +
-         static_cast<size_t>(column);
+size_t LatticeIndex(const Board& board, int id, int corner) {
+  const GridPlace place = board.LatticePlaceOf(id, corner);
+  return static_cast<size_t>(place.row) * static_cast<size_t>(board.lattice().value().width) +
+         static_cast<size_t>(place.column);
 }
 
 absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& cameras,
@@ -156,7 +161,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     const std::optional<size_t> board = BoardOf(boards, sighting);
     if (!board) continue;
     ASSIGN_OR_RETURN(const size_t camera, CameraOf(cameras, sighting));
-    RETURN_IF_ERROR(CheckSighting(cameras[camera], sighting));
+    RETURN_IF_ERROR(CheckSighting(cameras[camera], boards[*board], sighting));
     if (IsCutByRim(cameras[camera], sighting)) continue;
     seen.push_back({camera, *board, &sighting});
     seen_boards.insert(*board);
@@ -166,7 +171,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
         "none of the tags that were seen is on a board; give the boards that were used (their tag "
         "family and first_id matter)");
   }
-  RETURN_IF_ERROR(ChooseBoards(boards, seen_boards, out));
+  RETURN_IF_ERROR(ChooseBoards(cameras, boards, seen_boards, out));
 
   const size_t corners =
       static_cast<size_t>(out.lattice.width) * static_cast<size_t>(out.lattice.height);
@@ -179,20 +184,21 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     if (is_new) {
       out.views.push_back(
           {.frame = sighting.frame,
+           .stand = StandOf(sighting, boards[each.board]),
            .camera = each.camera,
            .board = each.board,
            .corners = std::vector<Eigen::Vector3d>(corners, Eigen::Vector3d(0, 0, kNoCorner))});
     }
     BoardView& view = out.views[place->second];
     const Board& board = boards[each.board];
-    for (int corner = 0; corner < 4; ++corner) {
-      const size_t at = LatticeIndex(board, sighting.tag - board.description().first_id, corner);
+    for (size_t corner = 0; corner < sighting.corners.size(); ++corner) {
+      const size_t at = LatticeIndex(board, sighting.tag, static_cast<int>(corner));
       if (view.corners[at].z() != kNoCorner) {
         return InvalidArgument("tag ", sighting.tag, " occurs twice in the frame '", sighting.frame,
                                "' of the view '", sighting.view,
                                "'; give each image once, and print no tag twice");
       }
-      const Eigen::Vector2d& pixel = sighting.corners[static_cast<size_t>(corner)];
+      const Eigen::Vector2d& pixel = sighting.corners[corner];
       view.corners[at] = {pixel.x(), pixel.y(), 1 / sighting.sigma};
       ++view.seen;
     }
@@ -201,7 +207,7 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   RETURN_IF_ERROR(CheckBoardShapes(cameras, boards, out.views));
   // Too little of a board to determine its pose.
   std::erase_if(out.views, [&](const BoardView& view) {
-    return view.seen < std::min(8, 4 * boards[view.board].tags());
+    return view.seen < (boards[view.board].tags() == 1 ? 4 : 8);
   });
   return out;
 }
@@ -248,18 +254,19 @@ std::optional<double> Misfit(const Board& board, const BoardView& view, const Or
   std::vector<cv::Point2d> on_board;
   std::vector<cv::Point2d> seen;
   double sides = 0;
+  const MarkCorners corners = Board({.name = "tag", .tag_size = d.tag_size}).CornersOf(0);
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
       const int place = order(row, column, rows, columns);
       std::array<Eigen::Vector3d, 4> pixels;
-      const TagCorners corners = board.CornersOf(d.first_id);
       for (int corner = 0; corner < 4; ++corner) {
-        pixels[static_cast<size_t>(corner)] = view.corners[LatticeIndex(board, place, corner)];
+        pixels[static_cast<size_t>(corner)] =
+            view.corners[LatticeIndex(board, d.first_id + place, corner)];
       }
       if (pixels[0].z() == kNoCorner) continue;
       for (size_t corner = 0; corner < 4; ++corner) {
         on_board.emplace_back(corners[corner].x() + pitch * column,
-                              corners[corner].y() + pitch * row);
+                              corners[corner].y() + pitch * (d.from_bottom ? rows - 1 - row : row));
         seen.emplace_back(pixels[corner].x(), pixels[corner].y());
         sides += (pixels[corner] - pixels[(corner + 1) % 4]).head<2>().norm() / 4;
       }
@@ -297,7 +304,7 @@ bool MostTagsMirrored(const Board& board, const std::vector<const BoardView*>& v
     for (int place = 0; place < board.tags(); ++place) {
       double area = 0;
       const auto pixel = [&](int corner) {
-        return view->corners[LatticeIndex(board, place, corner % 4)];
+        return view->corners[LatticeIndex(board, board.first_mark() + place, corner % 4)];
       };
       if (pixel(0).z() == kNoCorner) continue;
       for (int corner = 0; corner < 4; ++corner) {
@@ -321,6 +328,7 @@ absl::Status CheckBoardShapes(const std::vector<LensCamera>& cameras,
   for (const BoardView& view : views) by_camera[{view.camera, view.board}].push_back(&view);
   for (const auto& [key, group] : by_camera) {
     const Board& board = boards[key.second];
+    if (board.description().kind != BoardKind::kTags) continue;  // found by their shape
     const std::string where = absl::StrCat("board '", board.description().name, "', seen by '",
                                            cameras[key.first].name, "': ");
     if (MostTagsMirrored(board, group)) {

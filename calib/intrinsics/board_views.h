@@ -13,6 +13,9 @@ namespace silhouette {
 
 struct BoardView {
   std::string frame;
+  // Views of one stand show the board at one place: those of a frame; each by itself if the board
+  // is ambiguous.
+  std::string stand;
   size_t camera = 0;
   size_t board = 0;
   // Row by row, as LensProblem::corners: pixel x, y, and 1 / sigma or kNoCorner.
@@ -20,10 +23,8 @@ struct BoardView {
   int seen = 0;  // corners
 };
 
-Lattice LatticeOf(const Board& board);
-
-// Where on the lattice the corner of the tag with the place `place` on the board is.
-size_t LatticeIndex(const Board& board, int place, int corner);
+// Which corner of BoardView::corners a corner of a mark of the board, which has a lattice, is.
+size_t LatticeIndex(const Board& board, int id, int corner);
 
 struct BoardViews {
   std::vector<BoardView> views;
@@ -32,7 +33,7 @@ struct BoardViews {
   std::vector<std::string> warnings;
 };
 
-// InvalidArgument: no sighting of these boards, a board that is no lattice, boards of different
+// InvalidArgument: no sighting of these boards, a board without a lattice, boards of different
 // lattices, a camera without an image size, a corner outside the image, a tag twice in an image,
 // mirrored images or boards. Tags with a corner just beyond the image's rim are left out.
 absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& cameras,

@@ -26,7 +26,7 @@ bool Agree(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, double distan
          off.translation().norm() < kLargestShift * distance;
 }
 
-using Stand = std::pair<std::string, size_t>;              // frame, board
+using Stand = std::pair<std::string, size_t>;              // BoardView::stand, board
 using StandsOfCamera = std::map<Stand, const PosedView*>;  // in the order of the frames' names
 
 // Where two cameras stand to each other by one board.
@@ -161,7 +161,7 @@ absl::StatusOr<CameraTies> TieCameras(const std::vector<LensCamera>& cameras,
   std::vector<StandsOfCamera> stands(cameras.size());
   std::map<Stand, std::vector<size_t>> seen;
   for (size_t i = 0; i < views.size(); ++i) {
-    const Stand stand(views[i].view->frame, views[i].view->board);
+    const Stand stand(views[i].view->stand, views[i].view->board);
     stands[views[i].view->camera][stand] = &views[i];
     seen[stand].push_back(i);
   }

@@ -50,13 +50,6 @@ Eigen::Matrix<double, 3, 6> DerivativeByPose(const Eigen::Isometry3d& pose,
 inline constexpr double kNoCorner = -1;
 inline constexpr double kOutlier = -2;
 
-// A lattice of corner points.
-struct Lattice {
-  int width = 0;
-  int height = 0;
-  double spacing = 0;  // metres
-};
-
 struct LensProblem {
   struct Observation {
     int camera = 0;

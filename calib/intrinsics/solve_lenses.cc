@@ -97,13 +97,14 @@ void AddResiduals(const GroupProblem& group, const std::vector<Board>& boards,
     const BoardView& view = *group.views[o];
     const Board& board = boards[view.board];
     for (int place = 0; place < board.tags(); ++place) {
-      for (int corner = 0; corner < 4; ++corner) {
-        const size_t at = o * problem.CornersPerBoard() + LatticeIndex(board, place, corner);
+      const int mark = board.first_mark() + place;
+      for (int corner = 0; corner < board.corners_per_mark(); ++corner) {
+        const size_t at = o * problem.CornersPerBoard() + LatticeIndex(board, mark, corner);
         if (problem.corners[at].z() == kNoCorner) continue;
         solution.residuals.push_back({.frame = view.frame,
                                       .camera = view.camera,
                                       .board = board.description().name,
-                                      .tag = board.description().first_id + place,
+                                      .tag = mark,
                                       .corner = corner,
                                       .seen = problem.corners[at].head<2>(),
                                       .residual = residuals[at],

@@ -10,6 +10,7 @@
 #include <opencv2/core/eigen.hpp>
 #include <optional>
 #include <random>
+#include <span>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -43,19 +44,22 @@ cv::Mat MatOf(const Eigen::Vector3d& vector) {
   return (cv::Mat_<double>(3, 1) << vector.x(), vector.y(), vector.z());
 }
 
-// The camera's pose by Park's method. OpenCV's is for a camera in the hand: base_from_gripper is
-// link^-1 here, and camera_pose^-1 what it calls gripper_from_camera.
-std::optional<Eigen::Isometry3d> Park(const std::vector<Chosen>& chosen) {
+}  // namespace
+
+// OpenCV's is for a camera in the hand: base_from_gripper is link^-1 here, and camera_pose^-1 what
+// it calls gripper_from_camera.
+std::optional<Eigen::Isometry3d> CameraPoseByPark(std::span<const Eigen::Isometry3d> links,
+                                                  std::span<const Eigen::Isometry3d> seen) {
   std::vector<cv::Mat> gripper_rotations;
   std::vector<cv::Mat> gripper_translations;
   std::vector<cv::Mat> board_rotations;
   std::vector<cv::Mat> board_translations;
-  for (const Chosen& one : chosen) {
-    const Eigen::Isometry3d gripper = one.linked->link.inverse();
+  for (size_t i = 0; i < links.size(); ++i) {
+    const Eigen::Isometry3d gripper = links[i].inverse();
     gripper_rotations.push_back(MatOf(Eigen::Matrix3d(gripper.linear())));
     gripper_translations.push_back(MatOf(Eigen::Vector3d(gripper.translation())));
-    board_rotations.push_back(MatOf(Eigen::Matrix3d(one.seen.linear())));
-    board_translations.push_back(MatOf(Eigen::Vector3d(one.seen.translation())));
+    board_rotations.push_back(MatOf(Eigen::Matrix3d(seen[i].linear())));
+    board_translations.push_back(MatOf(Eigen::Vector3d(seen[i].translation())));
   }
   cv::Mat rotation;
   cv::Mat translation;
@@ -77,15 +81,15 @@ std::optional<Eigen::Isometry3d> Park(const std::vector<Chosen>& chosen) {
   return inverse.inverse();
 }
 
-// The mean of what the looks say of the board's pose.
 Eigen::Isometry3d BoardPoseBy(const Eigen::Isometry3d& camera_pose,
-                              const std::vector<Chosen>& chosen) {
+                              std::span<const Eigen::Isometry3d> links,
+                              std::span<const Eigen::Isometry3d> seen) {
   Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-  for (const Chosen& one : chosen) {
-    const Eigen::Isometry3d pose = one.linked->link.inverse() * camera_pose.inverse() * one.seen;
+  for (size_t i = 0; i < links.size(); ++i) {
+    const Eigen::Isometry3d pose = links[i].inverse() * camera_pose.inverse() * seen[i];
     sum += pose.linear();
-    translation += pose.translation() / static_cast<double>(chosen.size());
+    translation += pose.translation() / static_cast<double>(links.size());
   }
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const double turn = (svd.matrixU() * svd.matrixV().transpose()).determinant();
@@ -95,6 +99,8 @@ Eigen::Isometry3d BoardPoseBy(const Eigen::Isometry3d& camera_pose,
   mean.translation() = translation;
   return mean;
 }
+
+namespace {
 
 double Score(const CameraModel& lens, const std::vector<LinkedLook>& looks,
              const HandEye& solution) {
@@ -156,17 +162,14 @@ std::vector<Chosen> ChooseBy(const std::vector<LinkedLook>& looks, const HandEye
   return chosen;
 }
 
-absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
-  if (looks.size() < 3) {
-    return FailedPrecondition(
-        "in only ", looks.size(),
-        " usable frame(s); three with different orientations are the least, twenty are good");
-  }
+}  // namespace
+
+absl::Status CheckTurns(std::span<const Eigen::Isometry3d> links) {
   Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
   double pairs = 0;
-  for (size_t i = 0; i < looks.size(); ++i) {
-    for (size_t j = i + 1; j < looks.size(); ++j, ++pairs) {
-      const Eigen::Vector3d axis = RotationVectorOf(looks[i].link.inverse() * looks[j].link);
+  for (size_t i = 0; i < links.size(); ++i) {
+    for (size_t j = i + 1; j < links.size(); ++j, ++pairs) {
+      const Eigen::Vector3d axis = RotationVectorOf(links[i].inverse() * links[j]);
       spread += axis * axis.transpose();
     }
   }
@@ -185,11 +188,31 @@ absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
   return absl::OkStatus();
 }
 
+namespace {
+
+absl::Status CheckMotion(const std::vector<LinkedLook>& looks) {
+  if (looks.size() < 3) {
+    return FailedPrecondition(
+        "in only ", looks.size(),
+        " usable frame(s); three with different orientations are the least, twenty are good");
+  }
+  std::vector<Eigen::Isometry3d> links;
+  for (const LinkedLook& look : looks) links.push_back(look.link);
+  return CheckTurns(links);
+}
+
 std::optional<HandEye> SolveFrom(const CameraModel& lens, const std::vector<LinkedLook>& looks,
                                  const std::vector<Chosen>& chosen) {
-  const std::optional<Eigen::Isometry3d> camera_pose = Park(chosen);
+  std::vector<Eigen::Isometry3d> links;
+  std::vector<Eigen::Isometry3d> seen;
+  for (const Chosen& one : chosen) {
+    links.push_back(one.linked->link);
+    seen.push_back(one.seen);
+  }
+  const std::optional<Eigen::Isometry3d> camera_pose = CameraPoseByPark(links, seen);
   if (!camera_pose) return std::nullopt;
-  HandEye solution{.camera_pose = *camera_pose, .board_pose = BoardPoseBy(*camera_pose, chosen)};
+  HandEye solution{.camera_pose = *camera_pose,
+                   .board_pose = BoardPoseBy(*camera_pose, links, seen)};
   solution.median_px = Score(lens, looks, solution);
   return solution;
 }

@@ -60,6 +60,7 @@ PoseProblem Resized(PoseProblem problem, double size) {
     BoardDescription description = board.board.description();
     description.tag_size *= size;
     description.gap *= size;
+    description.square *= size;
     board.board = Board(std::move(description));
   }
   return problem;
@@ -72,6 +73,7 @@ std::optional<PoseProblem> MirroredBoards(PoseProblem problem) {
     for (const PoseBoard& board : problem.boards) {
       const BoardDescription& d = board.board.description();
       if (!board.board.HasTag(seen.family, seen.tag) || d.columns == 1) continue;
+      if (d.kind != BoardKind::kTags) continue;
       const int place = seen.tag - d.first_id;
       const int column = place % d.columns;
       seen.tag = d.first_id + place - column + (d.columns - 1 - column);
@@ -141,8 +143,8 @@ std::optional<double> SizeByMotion(const PoseFit& fit) {
 }
 
 std::string SizeText(const BoardDescription& board, double size) {
-  return absl::StrFormat("%.4g mm, not %.4g mm", 1000 * board.tag_size * size,
-                         1000 * board.tag_size);
+  const double side = board.kind == BoardKind::kTags ? board.tag_size : board.square;
+  return absl::StrFormat("%.4g mm, not %.4g mm", 1000 * side * size, 1000 * side);
 }
 
 absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, double median) {

@@ -136,9 +136,10 @@ class LookSorter {
 
   void AddCorners(size_t sighting, Look& look, int board) {
     const TagSighting& seen = problem_.sightings[sighting];
-    const TagCorners points = problem_.boards[board].board.CornersOf(seen.tag);
-    for (int i = 0; i < 4; ++i) {
-      look.corners.push_back({points[i], seen.corners[i], seen.sigma, sighting, i});
+    const MarkCorners points = problem_.boards[board].board.CornersOf(seen.tag);
+    for (size_t i = 0; i < points.size(); ++i) {
+      look.corners.push_back(
+          {points[i], seen.corners[i], seen.sigma, sighting, static_cast<int>(i)});
     }
   }
 

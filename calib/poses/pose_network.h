@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -90,6 +91,19 @@ struct LinkedLook {
   const Look* look = nullptr;  // with candidates
   Eigen::Isometry3d link = Eigen::Isometry3d::Identity();
 };
+
+// camera_pose by Park's method; nothing if it finds none.
+std::optional<Eigen::Isometry3d> CameraPoseByPark(std::span<const Eigen::Isometry3d> links,
+                                                  std::span<const Eigen::Isometry3d> seen);
+
+// The mean of what the pairs then say of board_pose.
+Eigen::Isometry3d BoardPoseBy(const Eigen::Isometry3d& camera_pose,
+                              std::span<const Eigen::Isometry3d> links,
+                              std::span<const Eigen::Isometry3d> seen);
+
+// FailedPrecondition, as the end of a sentence about the view, if the links hardly turn against
+// each other, or about one axis only.
+absl::Status CheckTurns(std::span<const Eigen::Isometry3d> links);
 
 // By Park's method on samples of three looks, so that wrong candidates and single wrong poses do no
 // harm. `lens`: with the identity as pose. The same looks give the same result. FailedPrecondition:

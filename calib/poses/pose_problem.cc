@@ -50,6 +50,19 @@ absl::Status CheckViews(const PoseProblem& problem) {
   return absl::OkStatus();
 }
 
+}  // namespace
+
+absl::Status CheckFrameIsCertain(const Board& board) {
+  if (!board.IsAmbiguous()) return absl::OkStatus();
+  const BoardDescription& d = board.description();
+  return InvalidArgument("board '", d.name, "', a chessboard of ", d.columns, "x", d.rows,
+                         " inner corners, looks the same turned by half, so that no image shows "
+                         "where its origin is; for poses take one of an even and an odd number, "
+                         "such as 9x6, a ChArUco board or tags");
+}
+
+namespace {
+
 absl::Status CheckBoardsOf(const PoseProblem& problem) {
   std::map<std::pair<std::string, int>, std::string> tags;
   std::set<std::string> boards;
@@ -62,11 +75,17 @@ absl::Status CheckBoardsOf(const PoseProblem& problem) {
         (!(board.position_sigma > 0) || !(board.rotation_sigma > 0))) {
       return InvalidArgument("the survey of board '", d.name, "' must have positive sigmas");
     }
-    for (int tag = d.first_id; tag < d.first_id + board.board.tags(); ++tag) {
-      const auto [other, added] = tags.emplace(std::pair(d.family, tag), d.name);
+    const bool used = board.place != BoardPlace::kLoose ||
+                      std::ranges::any_of(problem.sightings, [&](const TagSighting& seen) {
+                        return board.board.HasTag(seen.family, seen.tag);
+                      });
+    if (used) RETURN_IF_ERROR(CheckFrameIsCertain(board.board));
+    const int first = board.board.first_mark();
+    for (int tag = first; board.board.HasTag(tag); ++tag) {
+      const auto [other, added] = tags.emplace(std::pair(board.board.family(), tag), d.name);
       if (!added) {
-        return InvalidArgument("tag ", tag, " (", d.family, ") is on the boards '", other->second,
-                               "' and '", d.name, "'");
+        return InvalidArgument("tag ", tag, " (", board.board.family(), ") is on the boards '",
+                               other->second, "' and '", d.name, "'");
       }
     }
   }
@@ -74,8 +93,10 @@ absl::Status CheckBoardsOf(const PoseProblem& problem) {
 }
 
 absl::Status CheckSighting(const TagSighting& seen) {
-  const bool finite = std::ranges::all_of(
-      seen.corners, [](const Eigen::Vector2d& corner) { return corner.allFinite(); });
+  const bool finite =
+      !seen.corners.empty() && std::ranges::all_of(seen.corners, [](const Eigen::Vector2d& corner) {
+        return corner.allFinite();
+      });
   if (finite && seen.sigma > 0 && std::isfinite(seen.sigma)) return absl::OkStatus();
   return InvalidArgument("frame '", seen.frame, "', view '", seen.view, "', tag ", seen.tag,
                          ": corners must be finite and sigma positive");
@@ -87,6 +108,12 @@ absl::Status CheckSightings(const PoseProblem& problem) {
   std::set<std::tuple<std::string, std::string, std::string, int>> tags;
   for (const TagSighting& seen : problem.sightings) {
     RETURN_IF_ERROR(CheckSighting(seen));
+    for (const PoseBoard& board : problem.boards) {
+      const auto corners = static_cast<size_t>(board.board.corners_per_mark());
+      if (!board.board.HasTag(seen.family, seen.tag) || seen.corners.size() == corners) continue;
+      return InvalidArgument("frame '", seen.frame, "', view '", seen.view, "', tag ", seen.tag,
+                             " has ", seen.corners.size(), " corners, not ", corners);
+    }
     if (!views.contains(seen.view)) {
       return InvalidArgument("tags were seen by view '", seen.view,
                              "', of which there is no camera model");
@@ -100,7 +127,7 @@ absl::Status CheckSightings(const PoseProblem& problem) {
 }
 
 // Whether a tag's corners go round as in an image that is not mirrored.
-bool GoesRoundRightly(const std::array<Eigen::Vector2d, 4>& corners) {
+bool GoesRoundRightly(const std::vector<Eigen::Vector2d>& corners) {
   double twice_area = 0;
   for (size_t i = 0; i < 4; ++i) {
     const Eigen::Vector2d& a = corners[i];
@@ -113,6 +140,7 @@ bool GoesRoundRightly(const std::array<Eigen::Vector2d, 4>& corners) {
 absl::Status CheckMirrored(const PoseProblem& problem) {
   std::map<std::string, std::pair<int, int>> wrong_of_all;
   for (const TagSighting& seen : problem.sightings) {
+    if (seen.corners.size() != 4) continue;
     auto& [wrong, all] = wrong_of_all[seen.view];
     wrong += GoesRoundRightly(seen.corners) ? 0 : 1;
     all += 1;

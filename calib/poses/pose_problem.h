@@ -72,6 +72,9 @@ struct PoseProblem {
 // positive. FailedPrecondition: nothing was seen, positions in millimetres, mirrored images.
 absl::Status CheckProblem(const PoseProblem& problem);
 
+// InvalidArgument, with the mend: the board is ambiguous, so that poses cannot be found from it.
+absl::Status CheckFrameIsCertain(const Board& board);
+
 // "a, b, c and 4 more".
 std::string FewOf(const std::vector<std::string>& names);
 

@@ -63,6 +63,7 @@ void FindCandidatesOf(const CameraModel& lens, Look& look) {
   Poses poses = PosesBy(lens, look.corners);
   const bool explained = !poses.empty() && MedianError(lens, look, poses.front()) < kExplained;
   if (!explained && look.corners.size() > 4) {
+    // Four corners each, mostly of one tag.
     for (size_t i = 0; i + 4 <= look.corners.size(); i += 4) {
       const auto tag = look.corners.begin() + static_cast<std::ptrdiff_t>(i);
       for (const Eigen::Isometry3d& pose : PosesBy(lens, {tag, tag + 4})) poses.push_back(pose);

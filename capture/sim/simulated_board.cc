@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/boards/board.h"
+#include "calib/boards/board_print.h"
 #include "capture/sim/yaml_values.h"
 
 namespace silhouette {
@@ -74,6 +75,9 @@ std::vector<SimulatedBoard> ReadBoards(const YamlNode& node) {
 
 namespace {
 
+// Of a paper, along each side; they only speed up.
+constexpr size_t kBins = 64;
+
 // A convex polygon that half planes cut smaller. A quadrangle cut by a square's four sides has at
 // most eight corners.
 class Polygon {
@@ -119,69 +123,45 @@ class Polygon {
 }  // namespace
 
 BoardTexture::BoardTexture(const Board& board, double margin) {
-  const BoardDescription& d = board.description();
-  const auto require = [&](bool holds, const std::string& what) {
-    if (!holds) throw std::invalid_argument("board '" + d.name + "': " + what);
-  };
-  const TagFamily family(d.family);
-  rows_ = d.rows;
-  columns_ = d.columns;
-  pitch_ = d.tag_size + d.gap;
-  module_ = d.tag_size / family.width_at_border();
-  width_ = family.total_width();
-  print_ = (width_ - family.width_at_border()) / 2 * module_;
-  require(board.tags() == 1 || pitch_ >= width_ * module_ * (1 - 1e-9),
-          "the gap is so small that the prints of neighbouring tags overlap");
-  require(d.first_id + board.tags() <= family.tags(),
-          d.family + " has only " + std::to_string(family.tags()) + " tags");
-  require(std::isfinite(margin) && margin >= 0, "the margin must not be negative");
-  for (int i = 0; i < board.tags(); ++i) tags_.push_back(family.Modules(d.first_id + i));
-  const Eigen::Vector2d far((columns_ - 1) * pitch_ + d.tag_size,
-                            (rows_ - 1) * pitch_ + d.tag_size);
-  const Eigen::Vector2d border = Eigen::Vector2d::Constant(print_ + margin);
-  extent_ = Eigen::AlignedBox2d(-border, far + border);
+  if (!std::isfinite(margin) || margin < 0) {
+    throw std::invalid_argument("board '" + board.description().name +
+                                "': the margin must not be negative");
+  }
+  BoardPrint print = PrintOf(board);
+  black_ = std::move(print.black);
+  const Eigen::Vector2d border = Eigen::Vector2d::Constant(margin);
+  extent_ = {print.extent.min() - border, print.extent.max() + border};
+  bins_.resize(kBins * kBins);
+  for (uint32_t i = 0; i < black_.size(); ++i) {
+    for (size_t y = BinAt(black_[i].min().y(), 1); y <= BinAt(black_[i].max().y(), 1); ++y) {
+      for (size_t x = BinAt(black_[i].min().x(), 0); x <= BinAt(black_[i].max().x(), 0); ++x) {
+        bins_[y * kBins + x].push_back(i);
+      }
+    }
+  }
 }
 
-int BoardTexture::TagAt(double coordinate, int count) const {
-  if (count == 1) return 0;
-  const double place = std::floor((coordinate + print_) / pitch_);
-  return static_cast<int>(std::clamp<double>(place, 0, count - 1));
+size_t BoardTexture::BinAt(double coordinate, int axis) const {
+  const double share = (coordinate - extent_.min()[axis]) / extent_.sizes()[axis];
+  return static_cast<size_t>(std::clamp(share * kBins, 0.0, kBins - 1.0));
+}
+
+std::vector<uint32_t> BoardTexture::BoxesNear(const Eigen::AlignedBox2d& bounds) const {
+  std::vector<uint32_t> boxes;
+  for (size_t y = BinAt(bounds.min().y(), 1); y <= BinAt(bounds.max().y(), 1); ++y) {
+    for (size_t x = BinAt(bounds.min().x(), 0); x <= BinAt(bounds.max().x(), 0); ++x) {
+      const std::vector<uint32_t>& bin = bins_[y * kBins + x];
+      boxes.insert(boxes.end(), bin.begin(), bin.end());
+    }
+  }
+  std::ranges::sort(boxes);
+  boxes.erase(std::ranges::unique(boxes).begin(), boxes.end());
+  return boxes;
 }
 
 bool BoardTexture::IsBlack(const Eigen::Vector2d& point) const {
-  const int row = TagAt(point.y(), rows_);
-  const int column = TagAt(point.x(), columns_);
-  const double x = std::floor((point.x() + print_ - column * pitch_) / module_);
-  const double y = std::floor((point.y() + print_ - row * pitch_) / module_);
-  if (!(x >= 0 && x < width_ && y >= 0 && y < width_)) return false;
-  return !tags_[static_cast<size_t>(row * columns_ + column)].White(static_cast<int>(x),
-                                                                    static_cast<int>(y));
-}
-
-double BoardTexture::BlackAreaOfTag(int row, int column, const Quadrangle& area,
-                                    const Eigen::AlignedBox2d& bounds) const {
-  const TagModules& tag = tags_[static_cast<size_t>(row * columns_ + column)];
-  const Eigen::Vector2d corner(column * pitch_ - print_, row * pitch_ - print_);
-  const auto module_at = [&](double offset) {
-    return static_cast<int>(std::clamp<double>(std::floor(offset / module_), 0, width_ - 1));
-  };
-  const int left = module_at(bounds.min().x() - corner.x());
-  const int right = module_at(bounds.max().x() - corner.x());
-  const int top = module_at(bounds.min().y() - corner.y());
-  const int bottom = module_at(bounds.max().y() - corner.y());
-  double black = 0;
-  for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
-      if (tag.White(x, y)) continue;
-      Polygon polygon(area);
-      polygon.Cut(0, corner.x() + x * module_, 1);
-      polygon.Cut(0, corner.x() + (x + 1) * module_, -1);
-      polygon.Cut(1, corner.y() + y * module_, 1);
-      polygon.Cut(1, corner.y() + (y + 1) * module_, -1);
-      black += polygon.Area();
-    }
-  }
-  return black;
+  const std::vector<uint32_t>& bin = bins_[BinAt(point.y(), 1) * kBins + BinAt(point.x(), 0)];
+  return std::ranges::any_of(bin, [&](uint32_t i) { return black_[i].contains(point); });
 }
 
 double BoardTexture::BlackShare(const Quadrangle& area) const {
@@ -190,11 +170,13 @@ double BoardTexture::BlackShare(const Quadrangle& area) const {
   const double whole = Polygon(area).Area();
   if (!(whole > 0)) return IsBlack(bounds.center()) ? 1 : 0;
   double black = 0;
-  for (int row = TagAt(bounds.min().y(), rows_); row <= TagAt(bounds.max().y(), rows_); ++row) {
-    for (int column = TagAt(bounds.min().x(), columns_);
-         column <= TagAt(bounds.max().x(), columns_); ++column) {
-      black += BlackAreaOfTag(row, column, area, bounds);
+  for (const uint32_t i : BoxesNear(bounds)) {
+    Polygon polygon(area);
+    for (int axis = 0; axis < 2; ++axis) {
+      polygon.Cut(axis, black_[i].min()[axis], 1);
+      polygon.Cut(axis, black_[i].max()[axis], -1);
     }
+    black += polygon.Area();
   }
   return std::min(black / whole, 1.0);
 }

@@ -1,22 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Boards of tags in the simulated cell: on the floor, on the robot, or held by somebody.
+// Boards in the simulated cell: on the floor, on the robot, or held by somebody.
 #pragma once
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "calib/boards/tag_family.h"
 #include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
 
 struct SimulatedBoard {
   Board board;
-  double margin = 0;  // white paper around the tags' prints, metres
+  double margin = 0;  // white paper around the print, metres
   // The link of the robot that carries it; empty: it stands in the world.
   std::string link = "";
   // The pose of the board's frame in that of the link, or in the world; nothing: it is held, and is
@@ -37,8 +37,8 @@ class BoardTexture {
  public:
   using Quadrangle = std::array<Eigen::Vector2d, 4>;
 
-  // `margin`: metres of white paper around the tags' prints. Throws std::invalid_argument if the
-  // family is unknown, has not all of the board's tags, or prints of neighbours overlap.
+  // `margin`: metres of white paper around the print. Throws std::invalid_argument if it is
+  // negative, or CheckBoards refuses the board.
   BoardTexture(const Board& board, double margin);
 
   // The paper.
@@ -51,19 +51,14 @@ class BoardTexture {
   double BlackShare(const Quadrangle& area) const;
 
  private:
-  // The module (of all tags' prints in one line) left of or at a coordinate.
-  int TagAt(double coordinate, int count) const;
-  double BlackAreaOfTag(int row, int column, const Quadrangle& area,
-                        const Eigen::AlignedBox2d& bounds) const;
+  // The black boxes that may meet these bounds, each once.
+  std::vector<uint32_t> BoxesNear(const Eigen::AlignedBox2d& bounds) const;
+  // The column or row of bins with a coordinate of the paper.
+  size_t BinAt(double coordinate, int axis) const;
 
-  int rows_ = 0;
-  int columns_ = 0;
-  double pitch_ = 0;   // from tag to tag
-  double module_ = 0;  // edge length
-  double print_ = 0;   // where a tag's print begins, before its corner
-  int width_ = 0;      // modules of a print
   Eigen::AlignedBox2d extent_;
-  std::vector<TagModules> tags_;  // by place, row by row
+  std::vector<Eigen::AlignedBox2d> black_;
+  std::vector<std::vector<uint32_t>> bins_;  // the boxes that reach into each, row by row
 };
 
 }  // namespace silhouette

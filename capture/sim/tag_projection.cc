@@ -26,24 +26,24 @@ bool FacesCamera(const CameraModel& camera, const Eigen::Isometry3d& world_from_
   return normal.dot(to_camera) > std::cos(most_tilt);
 }
 
-std::optional<std::array<Eigen::Vector2d, 4>> ProjectTag(const CameraModel& camera,
-                                                         const Eigen::Isometry3d& world_from_board,
-                                                         const TagCorners& corners,
-                                                         const TagProjectionSettings& settings) {
-  const Eigen::Vector3d middle = (corners[0] + corners[2]) / 2;
+std::optional<std::vector<Eigen::Vector2d>> ProjectTag(const CameraModel& camera,
+                                                       const Eigen::Isometry3d& world_from_board,
+                                                       const MarkCorners& corners,
+                                                       const TagProjectionSettings& settings) {
+  const Eigen::Vector3d middle = (corners.front() + corners[corners.size() / 2]) / 2;
   if (!FacesCamera(camera, world_from_board, middle, settings.most_tilt)) return std::nullopt;
-  std::array<Eigen::Vector2d, 4> pixels;
-  for (size_t i = 0; i < 4; ++i) {
-    const auto pixel = camera.Project(world_from_board * corners[i]);
+  std::vector<Eigen::Vector2d> pixels;
+  for (const Eigen::Vector3d& corner : corners) {
+    const auto pixel = camera.Project(world_from_board * corner);
     if (!pixel) return std::nullopt;
     const Eigen::Vector2d inner(camera.intrinsics().width - 1 - settings.border,
                                 camera.intrinsics().height - 1 - settings.border);
     if ((pixel->array() < settings.border).any() || (pixel->array() > inner.array()).any()) {
       return std::nullopt;
     }
-    pixels[i] = *pixel;
+    pixels.push_back(*pixel);
   }
-  for (size_t i = 0; i < 4; ++i) {
+  for (size_t i = 0; pixels.size() == 4 && i < 4; ++i) {
     if ((pixels[(i + 1) % 4] - pixels[i]).norm() < settings.least_size) return std::nullopt;
   }
   return pixels;
@@ -80,21 +80,19 @@ Eigen::Isometry3d DrawPose(std::span<const NamedCamera> cameras, const Board& bo
 }  // namespace
 
 Eigen::Vector3d MiddleOf(const Board& board) {
-  const int first = board.description().first_id;
-  // The first tag's top left corner and the last one's bottom right.
-  return (board.CornersOf(first)[3] + board.CornersOf(first + board.tags() - 1)[1]) / 2;
+  return {board.extent().x() / 2, board.extent().y() / 2, 0};
 }
 
 std::vector<TagSighting> ProjectTags(const NamedCamera& camera, const std::string& frame,
                                      const Board& board, const Eigen::Isometry3d& world_from_board,
                                      const TagProjectionSettings& settings, Chance& chance) {
   std::vector<TagSighting> sightings;
-  for (int tag = board.description().first_id; board.HasTag(tag); ++tag) {
+  for (int tag = board.first_mark(); board.HasTag(tag); ++tag) {
     const auto pixels = ProjectTag(camera.model, world_from_board, board.CornersOf(tag), settings);
     if (!pixels) continue;
     TagSighting sighting{.frame = frame,
                          .view = camera.view,
-                         .family = board.description().family,
+                         .family = board.family(),
                          .tag = tag,
                          .corners = *pixels,
                          .sigma = std::max(settings.sigma, kLeastSigma)};

@@ -17,6 +17,7 @@
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
+#include "tools/silhouette-calibrate/files.h"
 
 namespace silhouette {
 namespace {
@@ -24,6 +25,7 @@ namespace {
 constexpr double kMmPerMetre = 1000;
 
 struct BoardArguments {
+  std::string from;  // file of boards; empty: made by the rest
   std::string name;  // empty: as `out`
   std::string family = "tagStandard41h12";
   int rows = 4;
@@ -31,6 +33,12 @@ struct BoardArguments {
   double tag_size = 0;  // mm; 0: as the kind of sheet wants it
   double gap = 0;       // mm; 0: DefaultGap
   int first_id = 0;
+  std::string chessboard;  // columns x rows; empty: none
+  std::string charuco;     // the same
+  double square = 0;       // mm; 0: DefaultSquare
+  double marker = 0;       // mm; 0: a share of the square
+  std::string dictionary = "DICT_4X4_50";
+  bool legacy = false;
   bool flange = false;
   int floor = 0;
   int per_page = 1;
@@ -59,16 +67,41 @@ double DefaultGap(const std::string& family_name, double tag_size) {
   return std::max(tag_size, (family.total_width() - family.width_at_border() + 1) * module);
 }
 
+constexpr double kDefaultSquare = 25;  // mm
+constexpr double kMarkerOfSquare = 0.75;
+
 // Metres, without the last bits' noise of a division: 30 mm are 0.03.
 double Metres(double mm) { return std::round(mm * 1e6) / 1e6 / kMmPerMetre; }
 
+std::string NameOf(const BoardArguments& a) {
+  return a.name.empty() ? std::filesystem::path(a.out).filename().string() : a.name;
+}
+
+// A chessboard or ChArUco board.
+BoardDescription SquaresFor(const BoardArguments& a) {
+  const double square = a.square > 0 ? a.square : kDefaultSquare;
+  BoardDescription d{.name = NameOf(a), .kind = BoardKind::kChessboard, .square = Metres(square)};
+  if (!a.charuco.empty()) {
+    d.kind = BoardKind::kCharuco;
+    d.dictionary = a.dictionary;
+    d.tag_size = Metres(a.marker > 0 ? a.marker : kMarkerOfSquare * square);
+    d.first_id = a.first_id;
+    d.legacy = a.legacy;
+  }
+  const auto size = GridSizeFromText(a.charuco.empty() ? a.chessboard : a.charuco);
+  if (!size) throw std::invalid_argument("--chessboard and --charuco are columns x rows, as 9x6");
+  d.columns = size->columns;
+  d.rows = size->rows;
+  return d;
+}
+
 std::vector<Board> BoardsFor(const BoardArguments& a) {
+  if (!a.chessboard.empty() || !a.charuco.empty()) {
+    return {Board(SquaresFor(a))};
+  }
   const double tag_size = a.tag_size > 0 ? a.tag_size : DefaultTagSize(a.kind());
   BoardDescription d{
-      .name = a.name.empty() ? std::filesystem::path(a.out).filename().string() : a.name,
-      .family = a.family,
-      .tag_size = Metres(tag_size),
-      .first_id = a.first_id};
+      .name = NameOf(a), .family = a.family, .tag_size = Metres(tag_size), .first_id = a.first_id};
   if (a.kind() == SheetKind::kBoard) {
     d.rows = a.rows;
     d.columns = a.columns;
@@ -100,36 +133,58 @@ std::vector<std::pair<std::string, std::string>> Files(const BoardArguments& arg
   return files;
 }
 
+// "chessboard-9x6, squares of 25 mm".
+std::string WhatIs(const std::vector<Board>& boards) {
+  const Board& first = boards.front();
+  const BoardDescription& d = first.description();
+  if (d.kind != BoardKind::kTags) {
+    return absl::StrCat(first.family(), ", squares of ", d.square * kMmPerMetre, " mm");
+  }
+  const int last = boards.back().first_mark() + boards.back().tags() - 1;
+  return absl::StrCat(d.family, " ", d.first_id, " to ", last, ", tags of ",
+                      d.tag_size * kMmPerMetre, " mm");
+}
+
 void Print(const BoardArguments& arguments, const std::vector<Board>& boards,
            const std::vector<BoardSheet>& sheets, const std::vector<std::string>& files) {
   const Paper& paper = sheets.front().paper;
-  const BoardDescription& first = boards.front().description();
-  const int last = boards.back().description().first_id + boards.back().tags() - 1;
-  PrintResult(
-      arguments.format,
-      {{"boards", boards.size()},
-       {"family", first.family},
-       {"first_id", first.first_id},
-       {"last_id", last},
-       {"tag_size", first.tag_size},
-       {"gap", first.gap},
-       {"paper", paper.name},
-       {"pages", sheets.size()},
-       {"lattice", boards.front().IsLattice()},
-       {"files", files}},
-      absl::StrCat(
-          first.family, " ", first.first_id, " to ", last, ", tags of ",
-          first.tag_size * kMmPerMetre, " mm, on ", sheets.size(),
-          sheets.size() == 1 ? " page " : " pages ", paper.name, "; wrote ",
-          absl::StrJoin(files, ", "), "\nPrint the PDF at 100 % and measure its line; correct the ",
-          "lengths in ", files.front(), " if it differs.\n",
-          boards.front().IsLattice()
-              ? ""
-              : "Its corners are no regular lattice: the lens takes longer to solve from it.\n"));
+  const Board& first = boards.front();
+  const BoardDescription& d = first.description();
+  nlohmann::ordered_json json = {{"boards", boards.size()},
+                                 {"family", first.family()},
+                                 {"first_id", first.first_mark()},
+                                 {"last_id", boards.back().first_mark() + boards.back().tags() - 1},
+                                 {"paper", paper.name},
+                                 {"pages", sheets.size()},
+                                 {"lattice", first.lattice().has_value()},
+                                 {"files", files}};
+  if (d.kind != BoardKind::kChessboard) json["tag_size"] = d.tag_size;
+  if (d.kind == BoardKind::kTags) {
+    json["gap"] = d.gap;
+  } else {
+    json["square"] = d.square;
+  }
+  std::string notes;
+  if (!first.lattice()) {
+    notes = "Its corners are on no regular lattice, which `intrinsics` needs.\n";
+  } else if (first.IsAmbiguous()) {
+    notes = "It looks the same turned by half: good for lenses, not for poses.\n";
+  }
+  PrintResult(arguments.format, json,
+              absl::StrCat(WhatIs(boards), ", on ", sheets.size(),
+                           sheets.size() == 1 ? " page " : " pages ", paper.name, "; wrote ",
+                           absl::StrJoin(files, ", "),
+                           "\nPrint the PDF at 100 % and measure its line; correct the lengths in ",
+                           files.front(), " if it differs.\n", notes));
 }
 
 absl::StatusOr<ExitCode> RunBoard(const BoardArguments& arguments) {
-  const std::vector<Board> boards = BoardsFor(arguments);
+  std::vector<Board> boards;
+  if (arguments.from.empty()) {
+    boards = BoardsFor(arguments);
+  } else {
+    ASSIGN_OR_RETURN(boards, ReadBoards(arguments.from));
+  }
   const std::vector<Paper> papers =
       arguments.paper.empty() ? AutomaticPapers() : PapersFromText(arguments.paper);
   const std::vector<BoardSheet> sheets =
@@ -153,25 +208,29 @@ absl::StatusOr<ExitCode> RunBoard(const BoardArguments& arguments) {
 
 void AddBoardCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
-      "board", "Make a board of AprilTags to be printed: PDF, PNG and its description");
+      "board",
+      "Make a board to be printed, of AprilTags, a chessboard or ChArUco: PDF, PNG and its "
+      "description");
   auto a = std::make_shared<BoardArguments>();
   command->add_option("--out", a->out, "Writes OUT.pdf, OUT.png and OUT.yaml")->required();
   command->add_option("--name", a->name, "Name of the board; default: the last part of OUT");
-  command->add_option("--family", a->family, "Tag family")->capture_default_str();
+  auto* family = command->add_option("--family", a->family, "Tag family")->capture_default_str();
   auto* rows = command->add_option("--rows", a->rows, "Rows of tags")->capture_default_str();
   auto* columns =
       command->add_option("--columns", a->columns, "Columns of tags")->capture_default_str();
-  command
-      ->add_option("--tag-size", a->tag_size,
-                   "Millimetres from corner to corner of a tag (30; flange 40; floor 100)")
-      ->check(PositiveNumber());
+  auto* tag_size =
+      command
+          ->add_option("--tag-size", a->tag_size,
+                       "Millimetres from corner to corner of a tag (30; flange 40; floor 100)")
+          ->check(PositiveNumber());
   auto* gap =
       command
           ->add_option("--gap", a->gap,
                        "Millimetres between the corners of neighbours; default: the tag size, so "
                        "that all corners form one lattice")
           ->check(PositiveNumber());
-  command->add_option("--first-id", a->first_id, "Id of the first tag")->capture_default_str();
+  auto* first_id = command->add_option("--first-id", a->first_id, "Id of the first tag or marker")
+                       ->capture_default_str();
   auto* flange = command->add_flag("--flange", a->flange,
                                    "One tag for the robot's flange, with the flange's frame");
   auto* floor = command
@@ -183,6 +242,34 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   flange->excludes(floor);
   for (auto* single : {flange, floor}) single->excludes(rows)->excludes(columns)->excludes(gap);
+  auto* chessboard = command->add_option(
+      "--chessboard", a->chessboard, "A chessboard instead: inner corners, columns x rows, as 9x6");
+  auto* charuco = command->add_option("--charuco", a->charuco,
+                                      "A ChArUco board instead: squares, columns x rows, as 7x5");
+  auto* square = command->add_option("--square", a->square, "Millimetres of a square's side (25)")
+                     ->check(PositiveNumber());
+  auto* marker =
+      command->add_option("--marker", a->marker, "Millimetres of a marker's side (0.75 squares)")
+          ->needs(charuco)
+          ->check(PositiveNumber());
+  auto* dictionary =
+      command->add_option("--dictionary", a->dictionary, "Of the markers, by OpenCV's name")
+          ->needs(charuco)
+          ->capture_default_str();
+  auto* legacy =
+      command->add_flag("--legacy", a->legacy, "Laid out as by OpenCV before 4.6")->needs(charuco);
+  for (auto* squares : {chessboard, charuco}) {
+    for (auto* of_tags : {family, rows, columns, tag_size, gap, flange, floor}) {
+      squares->excludes(of_tags);
+    }
+  }
+  chessboard->excludes(charuco)->excludes(first_id);
+  auto* from = command->add_option(
+      "--from", a->from, "Print the boards of this file instead (YAML, ours or Kalibr's)");
+  for (auto* made : {family, rows, columns, tag_size, gap, first_id, flange, floor, chessboard,
+                     charuco, square, marker, dictionary, legacy}) {
+    from->excludes(made);
+  }
   command->add_option("--paper", a->paper,
                       "A5 to A0, Letter, Tabloid, or width x height in mm, e.g. 600x400; default: "
                       "the smallest of A4 to A0 that fits");
@@ -194,6 +281,9 @@ void AddBoardCommand(CLI::App& program, Run& run) {
   command->footer(
       "Examples:\n"
       "  silhouette-calibrate board --out wall --rows 4 --columns 6 --tag-size 30\n"
+      "  silhouette-calibrate board --out hand --chessboard 9x6 --square 25\n"
+      "  silhouette-calibrate board --out plate --charuco 7x5 --square 40 --marker 30\n"
+      "  silhouette-calibrate board --out grid --from april_6x6.yaml\n"
       "  silhouette-calibrate board --out flange --flange --first-id 100\n"
       "  silhouette-calibrate board --out floor --floor 6 --first-id 200 --paper A4");
   command->callback([a, &run] { run = [a] { return RunBoard(*a); }; });

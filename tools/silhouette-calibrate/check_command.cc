@@ -75,7 +75,7 @@ struct CellNow {
 };
 
 // Adds the tags that a set of images shows.
-absl::Status AddTags(const DetectSettings& settings, TagDetector& detector, const Cell& cell,
+absl::Status AddTags(const DetectSettings& settings, BoardDetector& detector, const Cell& cell,
                      const ImageSet& set, const std::string& frame,
                      std::vector<TagSighting>& sightings) {
   for (size_t v = 0; v < cell.views.size(); ++v) {
@@ -90,7 +90,7 @@ absl::Status AddTags(const DetectSettings& settings, TagDetector& detector, cons
 absl::StatusOr<Sightings> LookForTags(const CheckRequest& request, const Cell& cell,
                                       CellCameras& cameras, ImageSet& last) {
   ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(request.boards));
-  TagDetector detector(FamiliesOf(settings.boards));
+  BoardDetector detector(settings.boards);
   std::vector<TagSighting> sightings;
   for (int i = 0; i < request.sets; ++i) {
     if (StopRequested()) return absl::AbortedError("stopped; nothing is known of the cameras");
@@ -172,8 +172,8 @@ Sightings FixedTagsOf(const storage::v1::CalibrationRecord& record,
                          .family = tag.family(),
                          .tag = tag.tag(),
                          .sigma = tag.sigma()};
-    for (int i = 0; i < 4; ++i) {
-      sighting.corners[static_cast<size_t>(i)] = {tag.corners(2 * i), tag.corners(2 * i + 1)};
+    for (int i = 0; i + 1 < tag.corners_size(); i += 2) {
+      sighting.corners.emplace_back(tag.corners(i), tag.corners(i + 1));
     }
     sightings.emplace(SeenTag{sighting.view, sighting.family, sighting.tag}, sighting);
   }

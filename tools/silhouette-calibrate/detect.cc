@@ -67,13 +67,33 @@ nlohmann::ordered_json JsonOf(const SessionImage& image) {
           {"warnings", image.warnings}};
 }
 
+// The mend, if the pattern is of a ROS bag; else empty.
+std::string HowToReadBag(const std::string& pattern, const std::string& view) {
+  const auto extension = [](const std::string& path) { return fs::path(path).extension(); };
+  const auto is_second = [&](const std::string& path) {
+    return extension(path) == ".db3" || extension(path) == ".mcap";
+  };
+  const bool second = is_second(pattern) ||
+                      std::ranges::any_of(FilesOfFrames(pattern), is_second, &FrameFile::path);
+  if (!second && extension(pattern) != ".bag") return "";
+  const std::string file = view + "/%04d.png";
+  return absl::StrCat(
+      "'", pattern, "' is a ROS bag, which is not read; extract its images first: ",
+      second ? absl::StrCat("'ros2 bag play' beside 'ros2 run image_view image_saver --ros-args -r "
+                            "image:=/TOPIC -p filename_format:=",
+                            file, "'")
+             : absl::StrCat("'rosbag play' beside 'rosrun image_view image_saver image:=/TOPIC "
+                            "_filename_format:=",
+                            file, "'"),
+      "; then give --images '", view, "=", view, "/*.png'");
+}
+
 }  // namespace
 
-absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns) {
-  std::vector<ListedImage> images;
+absl::StatusOr<std::vector<ViewPattern>> ViewPatterns(const std::vector<std::string>& arguments) {
+  std::vector<ViewPattern> patterns;
   std::set<std::string> views;
-  std::map<std::string, std::string> view_of_path;
-  for (const std::string& argument : patterns) {
+  for (const std::string& argument : arguments) {
     const size_t equals = argument.find('=');
     if (equals == std::string::npos || equals == 0 || equals + 1 == argument.size()) {
       return InvalidArgument("--images '", argument,
@@ -83,6 +103,19 @@ absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::strin
     const std::string pattern = argument.substr(equals + 1);
     if (!views.insert(view).second) {
       return InvalidArgument("--images has the view '", view, "' twice");
+    }
+    patterns.push_back({view, pattern});
+  }
+  return patterns;
+}
+
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& arguments) {
+  ASSIGN_OR_RETURN(const auto patterns, ViewPatterns(arguments));
+  std::vector<ListedImage> images;
+  std::map<std::string, std::string> view_of_path;
+  for (const auto& [view, pattern] : patterns) {
+    if (const std::string mend = HowToReadBag(pattern, view); !mend.empty()) {
+      return InvalidArgument(mend);
     }
     std::error_code error;
     const bool folder = fs::is_directory(pattern, error);
@@ -130,7 +163,7 @@ absl::StatusOr<DetectSettings> LoadDetectSettings(const std::vector<std::string>
   return settings;
 }
 
-absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& detector,
+absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& detector,
                                const cv::Mat& image, const std::string& view,
                                const std::string& frame) {
   std::optional<CameraModel> lens;
@@ -144,7 +177,7 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& dete
     }
   }
   const cv::Mat grey = GreyOf(image);
-  ImageTags tags = FindTags(detector, grey, lens, settings.boards);
+  ImageTags tags = FindTags(detector, grey, lens);
   tags.view = view;
   tags.frame = frame;
   if (!settings.draw.empty()) {
@@ -176,12 +209,6 @@ cv::Mat GreyOf(const cv::Mat& image) {
 
 absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras) {
   return cameras.Grab([](const std::string& line) { std::cerr << line << std::endl; });
-}
-
-std::vector<std::string> FamiliesOf(const std::vector<Board>& boards) {
-  std::set<std::string> families;
-  for (const Board& board : boards) families.insert(board.description().family);
-  return {families.begin(), families.end()};
 }
 
 std::string CoverageLine(const DetectSession& session) {

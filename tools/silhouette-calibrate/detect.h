@@ -17,17 +17,26 @@
 
 namespace silhouette {
 
+struct ViewPattern {
+  std::string view;
+  std::string pattern;
+};
+
+// "view=pattern", e.g. "left=images/left/*.png". InvalidArgument, saying the mend: not so, a view
+// twice.
+absl::StatusOr<std::vector<ViewPattern>> ViewPatterns(const std::vector<std::string>& arguments);
+
 struct ListedImage {
   std::string view;
   std::string frame;
   std::string path;
 };
 
-// `patterns`: "view=pattern", e.g. "left=images/left/*.png"; a folder stands for all images in it.
+// `arguments`: as of ViewPatterns; a folder stands for all images in it.
 // The frame is what the pattern's * matches (several: joined with _), without one the file's name
 // without extension. In the order of views as given, then of paths. InvalidArgument, saying the
-// mend: no such pattern, a view twice, no image, a file or a frame of a view twice.
-absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& patterns);
+// mend: no such pattern, a view twice, a ROS bag, no image, a file or a frame of a view twice.
+absl::StatusOr<std::vector<ListedImage>> ListImages(const std::vector<std::string>& arguments);
 
 struct DetectSettings {
   std::vector<Board> boards;
@@ -43,9 +52,10 @@ absl::StatusOr<DetectSettings> LoadDetectSettings(const std::vector<std::string>
                                                   const std::vector<std::string>& views = {},
                                                   const std::string& draw = "");
 
-// Finds the tags in a view's image (8 bits, grey or blue, green, red), and draws its picture if
-// `settings.draw` asks for it. InvalidArgument: the view's lens is for another image size.
-absl::StatusOr<ImageTags> Look(const DetectSettings& settings, TagDetector& detector,
+// Finds the boards' marks in a view's image (8 bits, grey or blue, green, red), and draws its
+// picture if `settings.draw` asks for it. InvalidArgument: the view's lens is for another image
+// size.
+absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& detector,
                                const cv::Mat& image, const std::string& view,
                                const std::string& frame);
 
@@ -60,9 +70,6 @@ cv::Mat GreyOf(const cv::Mat& image);
 
 // A set of images; CellCameras::Grab, with its messages on stderr.
 absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras);
-
-// The families of the boards' tags, each once.
-std::vector<std::string> FamiliesOf(const std::vector<Board>& boards);
 
 // A table of the images, the warnings and the views' coverage. `out`: the file that was written.
 std::string DetectionText(const DetectSession& session, const std::string& out);

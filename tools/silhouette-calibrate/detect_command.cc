@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -15,6 +16,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/boards/tag_family.h"
+#include "calib/boards/vnl_file.h"
 #include "capture/session/cell_cameras.h"
 #include "common/parallel/parallel.h"
 #include "common/picture/files.h"
@@ -27,6 +29,8 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/detect.h"
+#include "tools/silhouette-calibrate/files.h"
+#include "tools/silhouette-calibrate/frame_files.h"
 
 namespace silhouette {
 namespace {
@@ -35,6 +39,8 @@ namespace fs = std::filesystem;
 
 struct DetectArguments {
   std::vector<std::string> images;  // VIEW=PATTERN
+  std::string corners;              // corners.vnl; empty: the images are looked at
+  std::string vnl;                  // corners.vnl to be written; empty: none
   std::string cell;
   int count = 0;        // sets of live images; 0: until Ctrl-C
   double interval = 1;  // seconds between them
@@ -68,21 +74,21 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
 absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
                                  const DetectSettings& settings, DetectSession& session) {
   Progress progress("detect", images.size(), "images");
-  std::mutex mutex;               // guards all below
-  std::vector<TagDetector> idle;  // slow to make; one thread at a time may use each
+  std::mutex mutex;                 // guards all below
+  std::vector<BoardDetector> idle;  // slow to make; one thread at a time may use each
   absl::Status status;
   size_t done = 0;
   ParallelWhile(images.size(), [&](size_t i) {
     if (StopRequested()) return false;
     const ListedImage& file = images[i];
-    std::optional<TagDetector> detector;
+    std::optional<BoardDetector> detector;
     std::unique_lock lock(mutex);
     if (!idle.empty()) {
       detector = std::move(idle.back());
       idle.pop_back();
     }
     lock.unlock();
-    if (!detector) detector.emplace(FamiliesOf(settings.boards));
+    if (!detector) detector.emplace(settings.boards);
     const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
     absl::StatusOr<ImageTags> tags = image.ok()
                                          ? Look(settings, *detector, *image, file.view, file.frame)
@@ -98,10 +104,10 @@ absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
   return done;
 }
 
-// For those who gave the wrong boards: whose tags the first images show, of the families that are
-// not among `looked_for`. Empty if of none.
-std::string OtherFamilies(const std::vector<ListedImage>& images,
-                          const std::vector<std::string>& looked_for) {
+// For those who gave the wrong boards: what the first images show of other boards, of tags of
+// families that are not among `looked_for`. Empty if nothing.
+std::string OtherBoards(const std::vector<ListedImage>& images,
+                        const std::vector<std::string>& looked_for) {
   constexpr size_t kImages = 3;
   constexpr int kMostTags = 10000;  // larger families take seconds to prepare, and are rare
   std::vector<std::string> others;
@@ -116,7 +122,16 @@ std::string OtherFamilies(const std::vector<ListedImage>& images,
   for (size_t i = 0; i < std::min(kImages, images.size()); ++i) {
     const absl::StatusOr<cv::Mat> image = ReadImage(images[i].path);
     if (!image.ok()) continue;
-    for (const DetectedTag& tag : detector.Detect(*image)) seen.insert(tag.family);
+    for (const DetectedTag& tag : detector.Detect(*image)) {
+      seen.insert(absl::StrCat("tags of ", tag.family));
+    }
+    if (const auto size = ChessboardIn(*image)) {
+      seen.insert(
+          absl::StrCat("a chessboard of ", size->columns, "x", size->rows, " inner corners"));
+    }
+    if (const std::string dictionary = DictionaryIn(*image); !dictionary.empty()) {
+      seen.insert("markers of " + dictionary);
+    }
   }
   return absl::StrJoin(seen, ", ");
 }
@@ -130,10 +145,9 @@ absl::Status CheckThatTagsWereSeen(const DetectSession& session,
     return image.tags.mirrored || !image.tags.foreign.empty();
   });
   if (status.ok() || reason_known) return status;
-  const std::string others = OtherFamilies(images, families);
+  const std::string others = OtherBoards(images, families);
   if (others.empty()) return status;
-  return NotFound("none of ", images.size(),
-                  " images shows a tag of the boards; they show tags of ", others,
+  return NotFound("none of ", images.size(), " images shows one of the boards; they show ", others,
                   ": is --boards the right file?");
 }
 
@@ -164,7 +178,7 @@ class LiveDetection {
       : arguments_(arguments),
         settings_(settings),
         views_(views),
-        detector_(FamiliesOf(settings.boards)),
+        detector_(settings.boards),
         session_(session) {}
 
   int kept() const { return kept_; }
@@ -215,7 +229,7 @@ class LiveDetection {
   const DetectArguments& arguments_;
   const DetectSettings& settings_;
   const std::vector<std::string>& views_;
-  TagDetector detector_;
+  BoardDetector detector_;
   DetectSession& session_;
   std::vector<ImageTags> last_;
   int kept_ = 0;
@@ -257,7 +271,63 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
   return DrawCoverage(settings, session);
 }
 
+// The one board that a corners.vnl is of.
+absl::StatusOr<Board> BoardOfVnl(const std::vector<Board>& boards) {
+  if (boards.size() == 1) return boards.front();
+  return InvalidArgument("corners.vnl is of one board; give one in --boards, not ", boards.size());
+}
+
+absl::Status WriteVnl(const DetectArguments& arguments, const DetectSession& session) {
+  if (arguments.vnl.empty()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const DetectSettings settings, LoadDetectSettings(arguments.boards));
+  ASSIGN_OR_RETURN(const Board board, BoardOfVnl(settings.boards));
+  std::map<std::pair<std::string, std::string>, std::string> files;
+  for (const SessionImage& image : session.images()) {
+    files[{image.tags.view, image.tags.frame}] = image.source;
+  }
+  ASSIGN_OR_RETURN(const std::string text,
+                   VnlFileText(session.Sightings(), board, [&](const TagSighting& sighting) {
+                     return files.at({sighting.view, sighting.frame});
+                   }));
+  return ReplaceFile(arguments.vnl, text);
+}
+
+// --corners: of a corners.vnl to those of all views.
+absl::StatusOr<ExitCode> Convert(const DetectArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto patterns, ViewPatterns(arguments.images));
+  ASSIGN_OR_RETURN(const DetectSettings settings, LoadDetectSettings(arguments.boards));
+  ASSIGN_OR_RETURN(const Board board, BoardOfVnl(settings.boards));
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(arguments.corners));
+  ASSIGN_OR_RETURN(const auto images, SightingsFromVnl(text, arguments.corners, board));
+  std::vector<TagSighting> sightings;
+  size_t taken = 0;
+  for (const auto& [file, of_image] : images) {
+    for (const ViewPattern& view : patterns) {
+      const std::optional<std::string> frame = FrameByPath(file, view.pattern);
+      if (!frame) continue;
+      ++taken;
+      for (TagSighting sighting : of_image) {
+        sighting.view = view.view;
+        sighting.frame = *frame;
+        sightings.push_back(std::move(sighting));
+      }
+      break;
+    }
+  }
+  if (sightings.empty()) {
+    return InvalidArgument(arguments.corners, ": none of its ", images.size(),
+                           " images matches --images; the first is '", images.begin()->first, "'");
+  }
+  RETURN_IF_ERROR(ReplaceFile(arguments.out, SightingFileText(sightings)));
+  PrintResult(arguments.format,
+              {{"out", arguments.out}, {"sightings", sightings.size()}, {"images", taken}},
+              absl::StrCat("wrote ", arguments.out, ": ", sightings.size(), " corners or tags of ",
+                           taken, " of ", images.size(), " images in ", arguments.corners, "\n"));
+  return kDone;
+}
+
 absl::StatusOr<ExitCode> RunDetect(const DetectArguments& arguments) {
+  if (!arguments.corners.empty()) return Convert(arguments);
   CatchStopSignals();
   DetectSession session;
   absl::Status status =
@@ -270,6 +340,7 @@ absl::StatusOr<ExitCode> RunDetect(const DetectArguments& arguments) {
   if (status.ok()) status = session.CheckThatTagsWereSeen();
   RETURN_IF_ERROR(status);
   RETURN_IF_ERROR(WriteSightings(session, arguments.out));
+  RETURN_IF_ERROR(WriteVnl(arguments, session));
   PrintResult(arguments.format, DetectionJson(session, arguments.out),
               DetectionText(session, arguments.out));
   return kDone;
@@ -278,8 +349,7 @@ absl::StatusOr<ExitCode> RunDetect(const DetectArguments& arguments) {
 }  // namespace
 
 void AddDetectCommand(CLI::App& program, Run& run) {
-  CLI::App* command =
-      program.add_subcommand("detect", "Find the corners of the boards' tags in images");
+  CLI::App* command = program.add_subcommand("detect", "Find the boards' corners in images");
   auto a = std::make_shared<DetectArguments>();
   auto* images = command->add_option(
       "--images", a->images,
@@ -301,8 +371,16 @@ void AddDetectCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command->add_option("--save", a->save, "Live: keep the images in this folder, one folder a view")
       ->needs(cell);
-  command->add_option("--boards", a->boards, "Boards (YAML), as `board` writes them; several files")
+  command
+      ->add_option("--boards", a->boards,
+                   "Boards (YAML), as `board` writes them or Kalibr's target; several files")
       ->required();
+  auto* corners = command->add_option(
+      "--corners", a->corners,
+      "mrcal's corners.vnl: take its corners, do not open the images; --images names its files");
+  corners->excludes(cell)->needs(images);
+  command->add_option("--vnl", a->vnl, "Also write the corners as mrcal's corners.vnl")
+      ->excludes(corners);
   command->add_option("--cameras", a->cameras,
                       "Folder with a .cameramodel file per view: corners are then "
                       "more exact. Run `detect` again with it when the lenses are known");

@@ -59,6 +59,15 @@ std::string FrameOf(const std::string& path, const std::string& pattern) {
 
 }  // namespace
 
+std::optional<std::string> FrameByPath(const std::string& path, const std::string& pattern) {
+  const std::string name = fs::path(path).filename().string();
+  const std::string name_pattern = fs::path(pattern).filename().string();
+  if (std::regex_match(path, GroupsOf(pattern))) return FrameOf(path, pattern);
+  if (std::regex_match(name, GroupsOf(name_pattern))) return FrameOf(name, name_pattern);
+  if (fs::path(path).parent_path() == fs::path(pattern)) return fs::path(path).stem().string();
+  return std::nullopt;
+}
+
 std::vector<FrameFile> FilesOfFrames(const std::string& pattern) {
   std::error_code error;
   const bool folder = fs::is_directory(pattern, error);

@@ -148,13 +148,19 @@ void AddRow(const BandPictures& pictures, const EpipolarBands& bands, int here, 
 constexpr int kLeastWidth = 960;  // of a picture; smaller images are enlarged
 
 void DrawTag(Picture& picture, int scale, const DetectedTag& tag, Colour colour) {
+  const size_t corners = tag.corners.size();
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-  for (size_t i = 0; i < 4; ++i) {
-    middle += tag.corners[i] / 4;
-    cv::line(picture, Fine(tag.corners[i], scale), Fine(tag.corners[(i + 1) % 4], scale),
+  for (size_t i = 0; i < corners; ++i) {
+    middle += tag.corners[i] / static_cast<double>(corners);
+    cv::line(picture, Fine(tag.corners[i], scale), Fine(tag.corners[(i + 1) % corners], scale),
              BgrOf(colour), 1, cv::LINE_AA, kFraction);
   }
-  for (size_t i = 0; i < 4; ++i) {
+  if (corners == 1) {  // of a chessboard: the first one says how it lies
+    DrawDot(picture, Fine(middle, scale), 3, tag.tag == 0 ? palette::kGoal : colour,
+            tag.tag == 0 ? cv::FILLED : 1);
+    return;
+  }
+  for (size_t i = 0; i < corners; ++i) {
     DrawDot(picture, Fine(tag.corners[i], scale), 3, i == 0 ? palette::kGoal : colour,
             i == 0 ? cv::FILLED : 1);
   }

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate poses, and report
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/poses/pose_calibration.h"
+#include "calib/poses/pose_pairs.h"
 #include "calib/report/report_page.h"
+#include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
@@ -21,14 +26,109 @@ namespace {
 
 struct PosesArguments {
   PoseSources sources;
+  std::vector<std::string> pairs;  // VIEW=FILE
   std::string mask_size;
   std::string out;
   bool draw = false;
   std::string format = "text";
 };
 
+struct ViewPairs {
+  std::string view;
+  std::vector<PosePair> pairs;
+};
+
+absl::StatusOr<std::vector<ViewPairs>> ReadPairs(const PosesArguments& arguments,
+                                                 const PoseProblem& problem) {
+  std::vector<ViewPairs> all;
+  for (const std::string& argument : arguments.pairs) {
+    const size_t equals = argument.find('=');
+    const std::string view = argument.substr(0, equals);
+    if (equals == std::string::npos ||
+        std::ranges::find(problem.views, view, &PoseView::name) == problem.views.end()) {
+      return InvalidArgument("--pairs '", argument,
+                             "' is not VIEW=FILE of a view with a camera model in '",
+                             arguments.sources.cameras, "'");
+    }
+    const std::string file = argument.substr(equals + 1);
+    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+    ASSIGN_OR_RETURN(auto pairs, PosePairsFromText(text, file));
+    all.push_back({view, std::move(pairs)});
+  }
+  return all;
+}
+
+// Adds a view that was solved by pairs, with how they miss as its frames.
+void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
+              PoseSolution& solution) {
+  SolvedView result{.name = view.view,
+                    .on_flange = on_flange,
+                    .camera_pose = solved.camera_pose,
+                    .covariance = solved.covariance};
+  double squares = 0;
+  int outliers = 0;
+  for (size_t i = 0; i < view.pairs.size(); ++i) {
+    const PairResidual& residual = solved.residuals[i];
+    const Eigen::Vector3d board =
+        solved.camera_pose.inverse() * view.pairs[i].camera_from_board.translation();
+    const double sigma = PointSigma(solved.covariance, board);
+    squares += sigma * sigma / static_cast<double>(view.pairs.size());
+    result.workspace_sigma_worst = std::max(result.workspace_sigma_worst, sigma);
+    outliers += residual.outlier ? 1 : 0;
+    solution.frames.push_back({.name = absl::StrCat(view.view, " pair ", i + 1),
+                               .robot_offset = residual.position,
+                               .robot_rotation = residual.rotation,
+                               .robot_outlier = residual.outlier});
+  }
+  result.workspace_sigma = std::sqrt(squares);
+  solution.views.push_back(result);
+  solution.warnings.push_back(absl::StrFormat(
+      "view '%s': %d pairs of poses, %d left out, miss each other by %.2f mm and %.3f deg (1 sigma "
+      "per axis); without corners nothing is known of errors that all pairs share, of the lens or "
+      "of the board's size",
+      view.view, view.pairs.size(), outliers, 1000 * solved.position_sigma,
+      solved.rotation_sigma / kDegree));
+}
+
+// --pairs: without corners.
+absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
+  const PoseSources& sources = arguments.sources;
+  PoseProblem problem;
+  RETURN_IF_ERROR(ReadViews(sources, problem));
+  ASSIGN_OR_RETURN(const auto masks, MaskSizesFrom(sources.cell, arguments.mask_size, problem));
+  ASSIGN_OR_RETURN(const std::vector<ViewPairs> views, ReadPairs(arguments, problem));
+  std::vector<PoseView> seen;
+  PoseSolution solution;
+  solution.chi2_per_dof = 1;
+  for (const ViewPairs& view : views) {
+    const PoseView& known = *std::ranges::find(problem.views, view.view, &PoseView::name);
+    const auto solved = SolvePosePairs(view.pairs, known.on_flange);
+    if (absl::IsFailedPrecondition(solved.status())) {
+      std::cerr << "silhouette-calibrate: view '" << view.view << "' " << solved.status().message()
+                << "\nnothing was written" << std::endl;
+      return kNo;
+    }
+    if (!solved.ok()) return solved.status();
+    AddPairs(view, *solved, known.on_flange, solution);
+    seen.push_back(known);
+  }
+  problem.views = seen;
+  ASSIGN_OR_RETURN(
+      const auto files,
+      WritePoses(arguments.out, problem, solution,
+                 {.command = "poses", .lenses = sources.cameras, .masks = masks}, false));
+  nlohmann::ordered_json json = PosesJson(solution);
+  json["files"] = files;
+  PrintResult(arguments.format, json, PosesText(solution) + TextOfFiles(files));
+  return kDone;
+}
+
 absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
   const PoseSources& sources = arguments.sources;
+  if (!arguments.pairs.empty()) return PairsWork(arguments);
+  if (sources.corners.empty() || sources.boards.empty()) {
+    return InvalidArgument("give --corners and --boards, or --pairs");
+  }
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
   ASSIGN_OR_RETURN(const auto masks, MaskSizesFrom(sources.cell, arguments.mask_size, problem));
   const auto start = std::chrono::steady_clock::now();
@@ -91,6 +191,16 @@ void AddPosesCommand(CLI::App& program, Run& run) {
   AddPoseSources(*command, a.sources);
   command->get_option("--cell")->description(
       "cell.yaml: the URDF for the pose of the flange, the views for the size of masks");
+  // Not of pairs.
+  for (const char* name : {"--corners", "--boards"}) command->get_option(name)->required(false);
+  auto* pairs = command->add_option(
+      "--pairs", a.pairs,
+      "Instead of corners: VIEW=FILE of pairs of robot and board poses, as MoveIt or easy_handeye "
+      "save them; once per view");
+  for (const char* name :
+       {"--corners", "--robot-poses", "--joints", "--flange-board", "--standing", "--surveyed"}) {
+    pairs->excludes(command->get_option(name));
+  }
   command->add_option("--mask-size", a.mask_size,
                       "WIDTHxHEIGHT of all views' masks, without --cell, for the matrices in "
                       "calibration.yaml");
@@ -115,7 +225,8 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       "--out cameras\n"
       "  silhouette-calibrate poses --corners corners.csv --boards boards.yaml --cameras lenses "
       "\\\n"
-      "      --robot-poses krc.csv --pose-notation kuka --flange-board flange --out cameras");
+      "      --robot-poses krc.csv --pose-notation kuka --flange-board flange --out cameras\n"
+      "  silhouette-calibrate poses --pairs left=samples.yaml --cameras lenses --out cameras");
   command->callback([arguments, &run] { run = [arguments] { return PosesWork(*arguments); }; });
 }
 

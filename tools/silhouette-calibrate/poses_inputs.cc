@@ -159,20 +159,6 @@ absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources
       absl::StrCat("--robot-poses: there is no file '", sources.robot_poses, "'"));
 }
 
-absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
-  ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, ReadCameraFolder(sources.cameras));
-  bool found = sources.eye_in_hand.empty();
-  for (const CameraFile& named : cameras) {
-    const bool on_flange = named.view == sources.eye_in_hand;
-    found = found || on_flange;
-    problem.views.push_back(
-        {.name = named.view, .lens = named.camera.intrinsics(), .on_flange = on_flange});
-  }
-  if (found) return absl::OkStatus();
-  return InvalidArgument("--eye-in-hand: there is no camera model of view '", sources.eye_in_hand,
-                         "' in '", sources.cameras, "'");
-}
-
 constexpr int kConfigurations = 300;
 
 constexpr int kBoxSteps = 8;  // of points in a box
@@ -233,6 +219,20 @@ WorkspacePoints PointsOfRobot(const RobotModel& robot, const std::optional<Cell>
 }
 
 }  // namespace
+
+absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
+  ASSIGN_OR_RETURN(const std::vector<CameraFile> cameras, ReadCameraFolder(sources.cameras));
+  bool found = sources.eye_in_hand.empty();
+  for (const CameraFile& named : cameras) {
+    const bool on_flange = named.view == sources.eye_in_hand;
+    found = found || on_flange;
+    problem.views.push_back(
+        {.name = named.view, .lens = named.camera.intrinsics(), .on_flange = on_flange});
+  }
+  if (found) return absl::OkStatus();
+  return InvalidArgument("--eye-in-hand: there is no camera model of view '", sources.eye_in_hand,
+                         "' in '", sources.cameras, "'");
+}
 
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   PoseProblem problem;

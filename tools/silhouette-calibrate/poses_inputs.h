@@ -37,6 +37,9 @@ struct PoseSources {
 // InvalidArgument or NotFound in a sentence, with file and line where a file is wrong.
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources);
 
+// The views: the camera models, and which is on the flange. Errors as ReadPoseProblem.
+absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem);
+
 void AddPoseSources(CLI::App& command, PoseSources& sources);
 
 // For data that give no calibration: a sentence, if joint values in the other unit would give one;

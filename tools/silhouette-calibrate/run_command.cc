@@ -59,11 +59,15 @@ constexpr double kWristRange = std::numbers::pi / 3;
 absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
                                           const std::string& name) {
   std::vector<std::string> names;
+  const Board* found = name.empty() && boards.size() == 1 ? &boards[0] : nullptr;
   for (const Board& board : boards) {
     names.push_back(board.description().name);
-    if (names.back() == (name.empty() ? "flange" : name)) return names.back();
+    if (names.back() == (name.empty() ? "flange" : name)) found = &board;
   }
-  if (name.empty() && boards.size() == 1) return names[0];
+  if (found != nullptr) {
+    RETURN_IF_ERROR(CheckFrameIsCertain(*found));
+    return found->description().name;
+  }
   return InvalidArgument("which board is on the flange? --flange-board is one of ",
                          ListOfWords(names));
 }

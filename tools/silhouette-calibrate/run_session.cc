@@ -83,9 +83,7 @@ std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
   double reach = 0;
   for (const Board& board : settings.tags.boards) {
     if (board.description().name != settings.flange_board) continue;
-    const int last = board.description().first_id + board.tags() - 1;
-    reach =
-        (board.CornersOf(last)[1] - board.CornersOf(board.description().first_id)[3]).norm() / 2;
+    reach = board.extent().norm() / 2;
   }
   const std::vector<Eigen::Isometry3d> links = robot.LinkPoses(to);
   for (size_t i = 0; i < links.size(); ++i) {
@@ -106,7 +104,7 @@ class Recorder {
         settings_(settings),
         driver_(driver),
         cameras_(cameras),
-        detector_(FamiliesOf(settings.tags.boards)),
+        detector_(settings.tags.boards),
         flange_board_(std::ranges::find_if(settings.tags.boards, [&](const Board& board) {
           return board.description().name == settings.flange_board;
         })) {}
@@ -187,7 +185,7 @@ class Recorder {
   const SessionSettings& settings_;
   Robot& driver_;
   CameraRig& cameras_;
-  TagDetector detector_;
+  BoardDetector detector_;
   const std::vector<Board>::const_iterator flange_board_;
 };
 
@@ -245,7 +243,7 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
                                                      const std::vector<std::string>& frames,
                                                      const std::vector<std::string>& views,
                                                      const DetectSettings& settings) {
-  TagDetector detector(FamiliesOf(settings.boards));
+  BoardDetector detector(settings.boards);
   std::vector<TagSighting> sightings;
   for (const std::string& frame : frames) {
     for (const std::string& view : views) {

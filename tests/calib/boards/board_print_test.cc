@@ -63,7 +63,7 @@ void ExpectTagsWhereTheyAreSaidToBe(const BoardSheet& sheet) {
     expected += placed.board.tags();
     for (int id = d.first_id; id < d.first_id + placed.board.tags(); ++id) {
       ASSERT_TRUE(tags.contains(id)) << family << " " << id;
-      const TagCorners corners = placed.board.CornersOf(id);
+      const MarkCorners corners = placed.board.CornersOf(id);
       for (int k = 0; k < 4; ++k) {
         EXPECT_NEAR(tags.at(id)[k].x, placed.origin.x + 1000 * corners[k].x(), 0.05) << id;
         EXPECT_NEAR(tags.at(id)[k].y, placed.origin.y + 1000 * corners[k].y(), 0.05) << id;

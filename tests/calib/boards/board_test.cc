@@ -15,7 +15,7 @@ BoardDescription TwoByThree() {
 TEST(Board, TagsGoRowByRowFromTheTopLeft) {
   const Board board(TwoByThree());
   EXPECT_EQ(board.tags(), 6);
-  const TagCorners last = board.CornersOf(15);
+  const MarkCorners last = board.CornersOf(15);
   EXPECT_TRUE(last[0].isApprox(Eigen::Vector3d(0.10, 0.09, 0)));
   EXPECT_TRUE(last[1].isApprox(Eigen::Vector3d(0.14, 0.09, 0)));
   EXPECT_TRUE(last[2].isApprox(Eigen::Vector3d(0.14, 0.05, 0)));
@@ -29,11 +29,55 @@ TEST(Board, HasNoOtherTags) {
   EXPECT_THROW(board.CornersOf(16), std::out_of_range);
 }
 
-TEST(Board, IsALatticeIfTheGapIsATag) {
+TEST(Board, CornersAreOnTheCoarsestLattice) {
   BoardDescription description = TwoByThree();
-  EXPECT_FALSE(Board(description).IsLattice());
   description.gap = description.tag_size;
-  EXPECT_TRUE(Board(description).IsLattice());
+  EXPECT_EQ(Board(description).lattice(), (Lattice{.width = 6, .height = 4, .spacing = 0.04}));
+  description.gap = 0.3 * description.tag_size;  // as Kalibr's
+  const Lattice kalibr = Board(description).lattice().value();
+  EXPECT_EQ(kalibr.width, 37);
+  EXPECT_EQ(kalibr.height, 24);
+  EXPECT_NEAR(kalibr.spacing, 0.004, 1e-12);
+  description.gap = 0.0123;
+  EXPECT_EQ(Board(description).lattice(), std::nullopt);
+}
+
+TEST(Board, CornersLieAtTheirPlacesOnTheLattice) {
+  BoardDescription tags = TwoByThree();
+  tags.gap = 0.3 * tags.tag_size;
+  tags.from_bottom = true;
+  for (const Board& board : {Board(tags), Board({.name = "hand",
+                                          .kind = BoardKind::kChessboard,
+                                          .rows = 6,
+                                          .columns = 9,
+                                          .square = 0.025})}) {
+    const Lattice lattice = board.lattice().value();
+    for (int id = board.first_mark(); board.HasTag(id); ++id) {
+      for (int corner = 0; corner < board.corners_per_mark(); ++corner) {
+        const GridPlace place = board.LatticePlaceOf(id, corner);
+        const Eigen::Vector3d at = lattice.spacing * Eigen::Vector3d(place.column, place.row, 0);
+        EXPECT_TRUE(board.CornersOf(id)[corner].isApprox(at, 1e-12)) << id;
+        EXPECT_LT(place.column, lattice.width);
+        EXPECT_LT(place.row, lattice.height);
+      }
+    }
+  }
+}
+
+TEST(Board, AChessboardThatLooksTheSameTurnedByHalfIsAmbiguous) {
+  const auto is_ambiguous = [](int columns, int rows) {
+    return Board({.name = "hand",
+                  .kind = BoardKind::kChessboard,
+                  .rows = rows,
+                  .columns = columns,
+                  .square = 0.025})
+        .IsAmbiguous();
+  };
+  EXPECT_FALSE(is_ambiguous(9, 6));
+  EXPECT_FALSE(is_ambiguous(6, 9));
+  EXPECT_TRUE(is_ambiguous(8, 6));
+  EXPECT_TRUE(is_ambiguous(7, 7));
+  EXPECT_FALSE(Board(TwoByThree()).IsAmbiguous());
 }
 
 TEST(Board, ImpossibleOnesAreRefused) {
@@ -131,6 +175,84 @@ TEST(BoardFile, MistakesAreToldWithLineAndMend) {
               HasSubstr("at least 0.04 m"));
   EXPECT_THAT(BoardFileMessageFor("[]"), HasSubstr("no board"));
   EXPECT_THAT(BoardFileMessageFor("name: a\n"), HasSubstr("a list is expected"));
+}
+
+TEST(BoardFile, GivesChessboardsAndCharucoBoards) {
+  const std::vector<Board> boards = {Board({.name = "hand",
+                                            .kind = BoardKind::kChessboard,
+                                            .rows = 6,
+                                            .columns = 9,
+                                            .square = 0.025}),
+                                     Board({.name = "plate",
+                                            .kind = BoardKind::kCharuco,
+                                            .dictionary = "DICT_6X6_250",
+                                            .rows = 6,
+                                            .columns = 5,
+                                            .tag_size = 0.03,
+                                            .square = 0.04,
+                                            .first_id = 20,
+                                            .legacy = true})};
+  const auto read = BoardsFromText(BoardFileText(boards), "boards.yaml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ((*read)[0].family(), "chessboard-9x6");
+  EXPECT_EQ((*read)[0].tags(), 54);
+  EXPECT_EQ((*read)[0].extent(), Eigen::Vector2d(8 * 0.025, 5 * 0.025));
+  EXPECT_EQ((*read)[1].family(), boards[1].family());
+  EXPECT_EQ((*read)[1].tags(), 4 * 5);
+  EXPECT_EQ((*read)[1].description().tag_size, 0.03);
+  EXPECT_TRUE((*read)[1].description().legacy);
+}
+
+TEST(BoardFile, GivesKalibrsAprilGridWithTheFirstRowAtTheBottom) {
+  const auto read = BoardsFromText(
+      "target_type: 'aprilgrid' #gridtype\n"
+      "tagCols: 6               #number of apriltags\n"
+      "tagRows: 6\ntagSize: 0.088\ntagSpacing: 0.3\n",
+      "april_6x6.yaml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->size(), 1u);
+  const Board& board = read->front();
+  EXPECT_EQ(board.description().name, "april_6x6");
+  EXPECT_EQ(board.tags(), 36);
+  EXPECT_NEAR(board.description().gap, 0.0264, 1e-12);
+  const double pitch = 0.088 * 1.3;
+  EXPECT_TRUE(board.CornersOf(0)[0].isApprox(Eigen::Vector3d(0, 5 * pitch + 0.088, 0)));
+  EXPECT_TRUE(board.CornersOf(7)[3].isApprox(Eigen::Vector3d(pitch, 4 * pitch, 0)));
+  const auto again = BoardsFromText(BoardFileText(*read), "boards.yaml");
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->front().CornersOf(0)[0], board.CornersOf(0)[0]);
+}
+
+TEST(BoardFile, GivesKalibrsCheckerboard) {
+  const auto read = BoardsFromText(
+      "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\n"
+      "rowSpacingMeters: 0.06\ncolSpacingMeters: 0.06\n",
+      "checker.yaml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->front().family(), "chessboard-6x7");
+}
+
+TEST(BoardFile, MistakesInOtherBoardsAreToldWithTheMend) {
+  EXPECT_THAT(BoardFileMessageFor("target_type: circlegrid\n"), HasSubstr("circles are not read"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9, square: 0.025}\n"),
+              HasSubstr("such as 9x6"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9x6, square: 25}\n"),
+              HasSubstr("divided by 1000"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9x6, square: 0.1, tag_size: 1}\n"),
+              HasSubstr("tag_size"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, charuco: 7x5, square: 0.04, marker: 0.05}\n"),
+              HasSubstr("smaller than square"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, charuco: 7x5, square: 0.04, marker: 0.03, "
+                                  "dictionary: DICT_4X4_51}\n"),
+              HasSubstr("did you mean 'DICT_4X4_50'"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, charuco: 12x9, square: 0.04, marker: 0.03}\n"),
+              HasSubstr("has only 0 to 49"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9x6, square: 0.025}\n"
+                                  "- {name: b, chessboard: 6x9, square: 0.030}\n"),
+              HasSubstr("no image tells them apart"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, charuco: 5x5, square: 0.04, marker: 0.03}\n"
+                                  "- {name: b, charuco: 4x4, square: 0.04, marker: 0.03}\n"),
+              HasSubstr("both have marker 0 of DICT_4X4_50"));
 }
 
 TEST(BoardFile, TagsOnTwoBoardsAreRefused) {

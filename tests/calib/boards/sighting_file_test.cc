@@ -56,7 +56,7 @@ TEST(SightingFile, GivesBackWhatWasWrittenToTheLastBit) {
   for (const char* frame : {"2", "1", "a,b", " \"quoted\" "}) {
     for (int tag = 0; tag < 20; ++tag) {
       TagSighting sighting{.frame = frame, .view = "v, 1", .family = "tag36h11", .tag = tag};
-      for (Eigen::Vector2d& corner : sighting.corners) corner = {pixel(random), pixel(random)};
+      for (int i = 0; i < 4; ++i) sighting.corners.emplace_back(pixel(random), pixel(random));
       sighting.sigma = pixel(random) + 6;
       written.push_back(sighting);
     }
@@ -119,8 +119,30 @@ TEST(SightingFile, RepeatedOrMissingCornersAreRefused) {
               AllOf(StartsWith("corners.csv:2:"), HasSubstr("has no corner 3")));
 }
 
+TEST(SightingFile, CornersOfChessboardsAreMarksOfTheirOwn) {
+  const std::string corners =
+      "frame,view,family,tag,corner,x,y,sigma\n"
+      "1,left,chessboard-9x6,0,0,10,20,0.02\n1,left,chessboard-9x6,7,0,11,21,0.03\n";
+  const auto sightings = SightingsFromText(corners, "corners.csv");
+  ASSERT_TRUE(sightings.ok()) << sightings.status();
+  ASSERT_EQ(sightings->size(), 2u);
+  EXPECT_EQ((*sightings)[1].tag, 7);
+  EXPECT_THAT((*sightings)[1].corners, testing::ElementsAre(Eigen::Vector2d(11, 21)));
+  EXPECT_EQ(SightingFileText(*sightings), corners);
+}
+
+TEST(SightingFile, ATagWithOneCornerAmongTagsIsRefused) {
+  const std::string rest = kSightingFileFile;
+  EXPECT_THAT(SightingFileMessageFor(rest + "0002,left,tag36h11,5,0,10,5.25,0.02\n"),
+              HasSubstr("a tag has four"));
+}
+
 TEST(SightingFile, WhatCouldNotBeReadIsNotWritten) {
-  const TagSighting good{.frame = "f", .view = "v", .family = "t", .sigma = 1};
+  const TagSighting good{.frame = "f",
+                         .view = "v",
+                         .family = "t",
+                         .corners = std::vector<Eigen::Vector2d>(4, Eigen::Vector2d(1, 2)),
+                         .sigma = 1};
   const auto refused = [&](auto change) {
     TagSighting bad = good;
     change(bad);
@@ -131,6 +153,8 @@ TEST(SightingFile, WhatCouldNotBeReadIsNotWritten) {
   refused([](TagSighting& s) { s.view = "a\nb"; });
   refused([](TagSighting& s) { s.tag = -1; });
   refused([](TagSighting& s) { s.sigma = 0; });
+  refused([](TagSighting& s) { s.corners.clear(); });
+  refused([](TagSighting& s) { s.corners.resize(3); });
   refused([](TagSighting& s) { s.corners[1].x() = std::numeric_limits<double>::quiet_NaN(); });
 }
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// A board of tags as a distorted camera sees it, for tests: averaged over each pixel's square,
+// A board as a distorted camera sees it, for tests: averaged over each pixel's square,
 // blurred, with noise. Where its corners really are is known.
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
@@ -12,7 +14,7 @@
 #include <vector>
 
 #include "calib/boards/board.h"
-#include "calib/boards/tag_family.h"
+#include "calib/boards/board_print.h"
 #include "calib/camera/camera_model.h"
 
 namespace silhouette {
@@ -37,13 +39,12 @@ inline CameraIntrinsics Intrinsics(int width, int height, double focal, double k
 inline Eigen::Isometry3d RandomPose(const Board& board, double distance, double tilt,
                                     std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1, 1);
-  const TagCorners last = board.CornersOf(board.description().first_id + board.tags() - 1);
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translate(Eigen::Vector3d(0, 0, distance * (1 + 0.02 * any(random))));
   pose.rotate(Eigen::AngleAxisd(tilt * any(random), Eigen::Vector3d::UnitX()) *
               Eigen::AngleAxisd(tilt * any(random), Eigen::Vector3d::UnitY()) *
               Eigen::AngleAxisd(std::numbers::pi * any(random) / 8, Eigen::Vector3d::UnitZ()));
-  return pose * Eigen::Translation3d(-0.5 * last[1]);
+  return pose * Eigen::Translation3d(-0.5 * board.extent().x(), -0.5 * board.extent().y(), 0);
 }
 
 class RenderedBoard {
@@ -52,12 +53,7 @@ class RenderedBoard {
                 const Eigen::Isometry3d& camera_from_board, const RenderSettings& settings,
                 std::mt19937_64& random)
       : board_(board), camera_(k, camera_from_board) {
-    const TagFamily family(board.description().family);
-    for (int i = 0; i < board.tags(); ++i) {
-      modules_.push_back(family.Modules(board.description().first_id + i));
-    }
-    module_ = board.description().tag_size / family.width_at_border();
-    rim_ = module_ * (family.total_width() - family.width_at_border()) / 2;
+    MakeCells();
     Draw(settings, random);
   }
 
@@ -69,33 +65,43 @@ class RenderedBoard {
   }
 
  private:
-  // Which module of which tag is at a point of the board, as a number; -1: paper.
-  int ModuleAt(const Eigen::Vector2d& at) const {
-    const BoardDescription& d = board_.description();
-    const double pitch = d.tag_size + d.gap;
-    const double print = d.tag_size + 2 * rim_;
-    const double left = at.x() + rim_;
-    const double top = at.y() + rim_;
-    const int column = d.columns > 1 ? static_cast<int>(std::floor(left / pitch)) : 0;
-    const int row = d.rows > 1 ? static_cast<int>(std::floor(top / pitch)) : 0;
-    if (column < 0 || row < 0 || column >= d.columns || row >= d.rows) return -1;
-    const double in_x = left - column * pitch;
-    const double in_y = top - row * pitch;
-    if (in_x < 0 || in_y < 0 || in_x >= print || in_y >= print) return -1;
-    const int tag = row * d.columns + column;
-    const int width = modules_[tag].width;
-    const int module_x = std::min(width - 1, static_cast<int>(in_x / module_));
-    const int module_y = std::min(width - 1, static_cast<int>(in_y / module_));
-    return (tag * width + module_y) * width + module_x;
+  // The print's edges divide the board into cells, each all black or all white.
+  void MakeCells() {
+    const BoardPrint print = PrintOf(board_);
+    for (const Eigen::AlignedBox2d& box : print.black) {
+      for (const Eigen::Vector2d& corner : {box.min(), box.max()}) {
+        lines_[0].push_back(corner.x());
+        lines_[1].push_back(corner.y());
+      }
+    }
+    for (std::vector<double>& lines : lines_) {
+      std::ranges::sort(lines);
+      // Edges that meet differ by rounding errors.
+      const auto same = [](double a, double b) { return b - a < 1e-9; };
+      lines.erase(std::unique(lines.begin(), lines.end(), same), lines.end());
+    }
+    black_.assign((lines_[0].size() + 1) * (lines_[1].size() + 1), false);
+    for (const Eigen::AlignedBox2d& box : print.black) {
+      for (size_t y = PlaceOf(box.min().y() + 1e-8, 1); y <= PlaceOf(box.max().y() - 1e-8, 1);
+           ++y) {
+        for (size_t x = PlaceOf(box.min().x() + 1e-8, 0); x <= PlaceOf(box.max().x() - 1e-8, 0);
+             ++x) {
+          black_[y * (lines_[0].size() + 1) + x] = true;
+        }
+      }
+    }
+  }
+
+  size_t PlaceOf(double coordinate, int axis) const {
+    return static_cast<size_t>(std::ranges::upper_bound(lines_[axis], coordinate) -
+                               lines_[axis].begin());
+  }
+  size_t CellAt(const Eigen::Vector2d& at) const {
+    return PlaceOf(at.y(), 1) * (lines_[0].size() + 1) + PlaceOf(at.x(), 0);
   }
 
   // 1 on white, 0 on black.
-  double WhiteOf(int module) const {
-    if (module < 0) return 1;
-    const int width = modules_.front().width;
-    const TagModules& tag = modules_[module / (width * width)];
-    return tag.white[module % (width * width)] ? 1 : 0;
-  }
+  double WhiteOf(size_t cell) const { return black_[cell] ? 0 : 1; }
 
   void Draw(const RenderSettings& settings, std::mt19937_64& random) {
     const CameraIntrinsics& k = camera_.intrinsics();
@@ -130,16 +136,16 @@ class RenderedBoard {
         const cv::Vec2d right = rays(y, x + 1) - origin;
         const cv::Vec2d down = rays(y + 1, x) - origin;
         const cv::Vec2d twist = rays(y + 1, x + 1) - rays(y + 1, x) - right;
-        const auto module_at = [&](double a, double b) {
+        const auto cell_at = [&](double a, double b) {
           const cv::Vec2d ray = origin + a * right + b * down + a * b * twist;
           const Eigen::Vector3d at = board_from_ray * Eigen::Vector3d(ray[0], ray[1], 1);
-          return ModuleAt({at.x() / at.z(), at.y() / at.z()});
+          return CellAt({at.x() / at.z(), at.y() / at.z()});
         };
-        const int first = module_at(0, 0);
+        const size_t first = cell_at(0, 0);
         double white = WhiteOf(first);
-        if (module_at(1, 0) != first || module_at(0, 1) != first || module_at(1, 1) != first) {
+        if (cell_at(1, 0) != first || cell_at(0, 1) != first || cell_at(1, 1) != first) {
           white = 0;
-          for (const cv::Vec2d& place : places) white += WhiteOf(module_at(place[0], place[1]));
+          for (const cv::Vec2d& place : places) white += WhiteOf(cell_at(place[0], place[1]));
           white /= static_cast<double>(places.size());
         }
         grey(y, x) = static_cast<float>(settings.black + (settings.white - settings.black) * white);
@@ -157,10 +163,9 @@ class RenderedBoard {
   }
 
   Board board_;
-  CameraModel camera_;  // the board's frame is the world
-  std::vector<TagModules> modules_;
-  double module_ = 0;
-  double rim_ = 0;
+  CameraModel camera_;                        // the board's frame is the world
+  std::array<std::vector<double>, 2> lines_;  // across x, across y
+  std::vector<bool> black_;                   // of cells
   cv::Mat image_;
 };
 

@@ -185,13 +185,17 @@ RenderedBoard Rendered(const RenderSettings& settings = {}, double shift = 0) {
 
 class ImageTagsTest : public testing::Test {
  protected:
-  TagDetector detector_{std::vector<std::string>{"tagStandard41h12"}};
+  ImageTags Find(const cv::Mat& image) const {
+    BoardDetector detector(boards_);
+    return FindTags(detector, image, std::nullopt);
+  }
+
   std::vector<Board> boards_ = {ImageTagsBoardOf("two", 2, 0)};
 };
 
 TEST_F(ImageTagsTest, CountsTheTagsOfTheBoardsThatAreSeen) {
   boards_.push_back(ImageTagsBoardOf("elsewhere", 1, 9));
-  const ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  const ImageTags found = Find(Rendered().image());
   EXPECT_EQ(found.tags.size(), 2u);
   EXPECT_EQ(found.expected, 2);
   EXPECT_TRUE(found.foreign.empty());
@@ -205,7 +209,7 @@ TEST_F(ImageTagsTest, CountsTheTagsOfTheBoardsThatAreSeen) {
 
 TEST_F(ImageTagsTest, ForeignTagsAreLeftOut) {
   boards_ = {ImageTagsBoardOf("one", 1, 1)};
-  const ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  const ImageTags found = Find(Rendered().image());
   ASSERT_EQ(found.tags.size(), 1u);
   EXPECT_EQ(found.tags.front().tag, 1);
   ASSERT_EQ(found.foreign.size(), 1u);
@@ -215,22 +219,21 @@ TEST_F(ImageTagsTest, ForeignTagsAreLeftOut) {
 TEST_F(ImageTagsTest, TagThatIsThereTwiceIsLeftOut) {
   cv::Mat twice;
   cv::vconcat(Rendered().image(), Rendered().image(), twice);
-  const ImageTags found = FindTags(detector_, twice, {}, boards_);
+  const ImageTags found = Find(twice);
   EXPECT_TRUE(found.tags.empty());
   EXPECT_EQ(found.ambiguous.size(), 4u);
 }
 
 TEST_F(ImageTagsTest, MirroredBoardIsToldFromNone) {
-  const ImageTags mirrored = FindTags(detector_, Rendered({.mirrored = true}).image(), {}, boards_);
+  const ImageTags mirrored = Find(Rendered({.mirrored = true}).image());
   EXPECT_TRUE(mirrored.tags.empty());
   EXPECT_TRUE(mirrored.mirrored);
-  EXPECT_FALSE(
-      FindTags(detector_, cv::Mat(240, 320, CV_8UC1, cv::Scalar(99)), {}, boards_).mirrored);
+  EXPECT_FALSE(Find(cv::Mat(240, 320, CV_8UC1, cv::Scalar(99))).mirrored);
 }
 
 TEST_F(ImageTagsTest, TellWhetherAnythingMoved) {
   const auto found = [&](double noise, double shift) {
-    return FindTags(detector_, Rendered({.noise = noise}, shift).image(), {}, boards_);
+    return Find(Rendered({.noise = noise}, shift).image());
   };
   const ImageTags first = found(2, 0);
   EXPECT_TRUE(ShowTheSame(first, found(3, 0)));
@@ -241,7 +244,7 @@ TEST_F(ImageTagsTest, TellWhetherAnythingMoved) {
 }
 
 TEST_F(ImageTagsTest, SightingsCarryFrameViewAndSigma) {
-  ImageTags found = FindTags(detector_, Rendered().image(), {}, boards_);
+  ImageTags found = Find(Rendered().image());
   found.view = "left";
   found.frame = "7";
   const std::vector<TagSighting> sightings = SightingsOf(found);

@@ -28,7 +28,7 @@ struct Truth {
 // The motion from the world to the reference that fits best to where the boards stood.
 Eigen::Isometry3d ReferenceFromWorld(const Truth& truth, const LensSolution& solution,
                                      const Board& board) {
-  const Lattice lattice = LatticeOf(board);
+  const Lattice lattice = board.lattice().value();
   Eigen::Matrix3Xd in_world(3, 4 * solution.boards.size());
   Eigen::Matrix3Xd in_reference(3, 4 * solution.boards.size());
   Eigen::Index at = 0;
@@ -125,6 +125,45 @@ Session Look(const std::vector<CameraModel>& cameras, const Board& board, const 
     AddSightings(cameras, board, pose, FrameName(frame), motion.noise, random, session.sightings);
   }
   return session;
+}
+
+TEST(SolveLenses, OtherBoardsGiveLensesAsGoodAsTheyAreSaidToBe) {
+  const auto cameras = CamerasOnAnArc(1);
+  for (const Board& board : {Board({.name = "hand",
+                            .kind = BoardKind::kChessboard,
+                            .rows = 6,
+                            .columns = 8,
+                            .square = 0.06}),
+                             Board({.name = "kalibr",
+                             .rows = 2,
+                             .columns = 3,
+                             .tag_size = 0.14,
+                             .gap = 0.042,
+                             .from_bottom = true})}) {
+    SCOPED_TRACE(board.description().name);
+    std::mt19937 random(3);
+    const Session session = Look(cameras, board, {.frames = 20}, random);
+    const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+    ASSERT_TRUE(solution.ok()) << solution.status();
+    EXPECT_NEAR(solution->groups[0].noise, 1, 0.12);
+    EXPECT_GT(solution->residuals.size(),
+              0.9 * static_cast<double>(session.sightings.size() * board.corners_per_mark()));
+    const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
+    EXPECT_LT(errors.RmsPerAxis(), 0.1);
+    EXPECT_LT(errors.Chi2PerDof(), 2.5);
+  }
+}
+
+TEST(SolveLenses, AChessboardThatLooksTheSameTurnedByHalfTiesNoCameras) {
+  const auto cameras = CamerasOnAnArc(2);
+  const Board board(
+      {.name = "hand", .kind = BoardKind::kChessboard, .rows = 6, .columns = 8, .square = 0.06});
+  std::mt19937 random(4);
+  const Session session = Look(cameras, board, {.frames = 20}, random);
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_EQ(solution->groups.size(), 2u);
+  EXPECT_THAT(solution->warnings, testing::Contains(HasSubstr("looks the same turned by half")));
 }
 
 TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {

@@ -71,9 +71,7 @@ inline Eigen::Isometry3d RandomBoardPose(std::mt19937& random, const Board& boar
                                          const BoardMotion& motion) {
   std::uniform_real_distribution<double> unit(-1, 1);
   const double most = motion.tilt * std::numbers::pi / 180;
-  const BoardDescription& d = board.description();
-  const double pitch = d.tag_size + d.gap;
-  const Eigen::Vector3d middle((pitch * d.columns - d.gap) / 2, (pitch * d.rows - d.gap) / 2, 0);
+  const Eigen::Vector3d middle(board.extent().x() / 2, board.extent().y() / 2, 0);
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translation() =
       motion.spread * Eigen::Vector3d(unit(random), 0.75 * unit(random), 0.4 * unit(random));
@@ -95,22 +93,20 @@ inline void AddSightings(const std::vector<CameraModel>& cameras, const Board& b
                          const std::function<double(const Eigen::Vector3d&)>& height = {}) {
   std::normal_distribution<double> normal(0, 1);
   for (size_t c = 0; c < cameras.size(); ++c) {
-    for (int id = board.description().first_id; id < board.description().first_id + board.tags();
-         ++id) {
+    for (int id = board.first_mark(); board.HasTag(id); ++id) {
       TagSighting sighting{.frame = frame,
                            .view = CameraName(c),
-                           .family = board.description().family,
+                           .family = board.family(),
                            .tag = id,
                            .sigma = noise > 0 ? noise : 0.1};
       bool seen = true;
-      const TagCorners corners = board.CornersOf(id);
-      for (size_t k = 0; k < 4; ++k) {
-        Eigen::Vector3d corner = corners[k];
-        if (height) corner.z() += height(corners[k]);
+      const MarkCorners corners = board.CornersOf(id);
+      for (Eigen::Vector3d corner : corners) {
+        if (height) corner.z() += height(corner);
         const auto pixel = cameras[c].Project(pose * corner);
         const Eigen::Vector2d error(noise * normal(random), noise * normal(random));
         seen = seen && pixel && cameras[c].Contains(*pixel + error);
-        if (seen) sighting.corners[k] = *pixel + error;
+        if (seen) sighting.corners.push_back(*pixel + error);
       }
       if (seen) out.push_back(sighting);
     }

@@ -106,7 +106,7 @@ TEST_F(WeakData, ABoardDescribedWrongly) {
 }
 
 TEST_F(WeakData, ABoardThatIsNoLattice) {
-  board_ = Board({.name = "kalibr", .rows = 3, .columns = 4, .tag_size = 0.08, .gap = 0.024});
+  board_ = Board({.name = "kalibr", .rows = 3, .columns = 4, .tag_size = 0.08, .gap = 0.0243});
   ExpectRefused(Look({.frames = 8}), kInvalid, "print a board whose gap equals its tag's size");
 }
 

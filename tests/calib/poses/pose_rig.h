@@ -175,22 +175,22 @@ class PoseRig {
   void SeeBy(const std::string& frame, size_t view, size_t board,
              const Eigen::Isometry3d& camera_from_board) {
     const Eigen::Vector3d ahead = camera_from_board.linear().col(2);
-    const BoardDescription& d = problem.boards[board].board.description();
+    const Board& shown = problem.boards[board].board;
     const CameraModel camera(problem.views[view].lens, camera_from_board);
-    for (int tag = d.first_id; tag < d.first_id + problem.boards[board].board.tags(); ++tag) {
+    for (int tag = shown.first_mark(); shown.HasTag(tag); ++tag) {
       TagSighting seen{.frame = frame,
                        .view = problem.views[view].name,
-                       .family = d.family,
+                       .family = shown.family(),
                        .tag = tag,
                        .sigma = corner_sigma};
-      const TagCorners points = problem.boards[board].board.CornersOf(tag);
       bool visible = true;
-      for (int i = 0; i < 4; ++i) {
-        const auto pixel = camera.Project(points[i]);
+      for (const Eigen::Vector3d& point : shown.CornersOf(tag)) {
+        const auto pixel = camera.Project(point);
         visible = visible && pixel && camera.Contains(*pixel) &&
-                  ahead.dot((camera_from_board * points[i]).normalized()) > 0.35;
+                  ahead.dot((camera_from_board * point).normalized()) > 0.35;
         if (!visible) break;
-        seen.corners[i] = *pixel + Eigen::Vector2d(Normal(corner_sigma), Normal(corner_sigma));
+        seen.corners.push_back(*pixel +
+                               Eigen::Vector2d(Normal(corner_sigma), Normal(corner_sigma)));
       }
       if (visible) problem.sightings.push_back(seen);
     }

@@ -33,7 +33,7 @@ class BoardProgram : public testing::Test {
 };
 
 TEST_F(BoardProgram, WritesPdfPngAndDescription) {
-  ASSERT_EQ(Run("--rows 2 --columns 3 --tag-size 30 --gap 25.5 --first-id 5 --format json"), 0)
+  ASSERT_EQ(Run("--rows 2 --columns 3 --tag-size 30 --gap 25.51 --first-id 5 --format json"), 0)
       << err_;
   EXPECT_TRUE(ContentOf(folder_ / "wall.pdf").starts_with("%PDF-"));
   EXPECT_TRUE(ContentOf(folder_ / "wall.png").starts_with("\x89PNG"));
@@ -44,11 +44,33 @@ TEST_F(BoardProgram, WritesPdfPngAndDescription) {
   EXPECT_EQ(d.rows, 2);
   EXPECT_EQ(d.columns, 3);
   EXPECT_EQ(d.tag_size, 0.03);
-  EXPECT_EQ(d.gap, 0.0255);
+  EXPECT_EQ(d.gap, 0.02551);
   EXPECT_EQ(d.first_id, 5);
   const auto json = nlohmann::json::parse(out_);
   EXPECT_EQ(json["paper"], "A4");
   EXPECT_EQ(json["lattice"], false);
+}
+
+TEST_F(BoardProgram, PrintsChessboardsCharucoAndBoardsOfAFile) {
+  const auto read = [&] {
+    return BoardsFromText(ContentOf(folder_ / "wall.yaml"), "wall.yaml").value().front();
+  };
+  ASSERT_EQ(Run("--chessboard 9x6 --square 22 --dpi 30 --format json"), 0) << err_;
+  EXPECT_EQ(nlohmann::json::parse(out_)["family"], "chessboard-9x6");
+  EXPECT_EQ(read().description().square, 0.022);
+  ASSERT_EQ(Run("--charuco 5x7 --square 30 --dictionary DICT_5X5_100 --dpi 30 --overwrite"), 0)
+      << err_;
+  EXPECT_EQ(read().family(), "charuco-DICT_5X5_100-0-5x7");
+  EXPECT_EQ(read().description().tag_size, 0.0225);
+  WriteFile(folder_ / "grid.yaml",
+            "target_type: 'aprilgrid'\ntagCols: 3\ntagRows: 2\ntagSize: 0.04\ntagSpacing: 0.3\n");
+  ASSERT_EQ(Run("--from grid.yaml --dpi 30 --overwrite"), 0) << err_;
+  EXPECT_EQ(read().CornersOf(0)[3].y(), 0.052);
+  EXPECT_EQ(Run("--chessboard 9by6 --overwrite"), 2);
+  EXPECT_THAT(err_, HasSubstr("columns x rows"));
+  EXPECT_EQ(Run("--chessboard 9x6 --rows 4 --overwrite"), 2);
+  EXPECT_EQ(Run("--chessboard 12x8 --overwrite --paper A4"), 2);
+  EXPECT_THAT(err_, HasSubstr("--square"));
 }
 
 TEST_F(BoardProgram, FloorTagsAreBoardsOfTheirOwn) {

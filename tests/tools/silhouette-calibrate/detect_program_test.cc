@@ -174,6 +174,8 @@ TEST_F(DetectProgram, MistakesAreOneSentence) {
   EXPECT_THAT(err_, HasSubstr("VIEW=PATTERN"));
   EXPECT_EQ(Run("--images 'left=nowhere/*.png' --boards boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("no image of view 'left' matches 'nowhere/*.png'"));
+  EXPECT_EQ(Run("--images left=session.bag --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("rosbag play"));
   EXPECT_EQ(Run("--images left=left --boards none.yaml"), 2);
   EXPECT_EQ(Run("--images left=left --boards boards.yaml boards.yaml"), 2);
   EXPECT_THAT(err_, HasSubstr("two boards 'wall'"));

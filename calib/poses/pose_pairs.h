@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// Camera poses from pairs of poses instead of corners, as easy_handeye and MoveIt record them:
+// where the robot's flange was, and where a board was before the camera.
+//
+// The pairs do not say how exact they are. Their noise, of position and of rotation, is found from
+// how they miss each other; an error that they share (of the lens, of the board's size) is not.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "calib/poses/pose_calibration.h"
+
+namespace silhouette {
+
+struct PosePair {
+  Eigen::Isometry3d base_from_flange = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d camera_from_board = Eigen::Isometry3d::Identity();
+};
+
+// MoveIt's samples, a list of effector_wrt_world and object_wrt_sensor (4x4, row by row), or
+// easy_handeye's, `samples`: a list of robot and tracking. `file`: what messages call it.
+// InvalidArgument with file and line: neither of these, values that are no pose, or millimetres.
+absl::StatusOr<std::vector<PosePair>> PosePairsFromText(const std::string& text,
+                                                        const std::string& file);
+
+struct PairResidual {
+  double position = 0;  // metres
+  double rotation = 0;  // radians
+  bool outlier = false;
+};
+
+struct PairSolution {
+  // camera_from_base; of a camera on the flange camera_from_flange.
+  Eigen::Isometry3d camera_pose = Eigen::Isometry3d::Identity();
+  PoseCovariance covariance = PoseCovariance::Zero();
+  // flange_from_board; of a camera on the flange base_from_board.
+  Eigen::Isometry3d board_pose = Eigen::Isometry3d::Identity();
+  double position_sigma = 0;            // of a pair, per axis, metres
+  double rotation_sigma = 0;            // radians
+  std::vector<PairResidual> residuals;  // one for each pair
+};
+
+// FailedPrecondition, as the end of a sentence about the view: fewer than five pairs, a flange that
+// turned about one axis only, pairs that contradict each other; with what would explain them.
+absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, bool on_flange);
+
+}  // namespace silhouette

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+// The corners of chessboards, ChArUco boards and AprilGrids against where they really are, in
+// rendered images.
+#include "calib/detection/board_detector.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <stdexcept>
+
+#include "calib/boards/tag_family.h"
+#include "calib/detection/image_tags.h"
+#include "tests/calib/detection/rendered_board.h"
+
+namespace silhouette {
+namespace {
+
+constexpr double kBoardFocal = 300;  // of images of 320 x 240 pixels
+
+Board Chessboard(int columns, int rows) {
+  return Board({.name = "hand",
+                .kind = BoardKind::kChessboard,
+                .rows = rows,
+                .columns = columns,
+                .square = 0.03});
+}
+
+Board Charuco(int columns, int rows, bool legacy = false) {
+  return Board({.name = "plate",
+                .kind = BoardKind::kCharuco,
+                .dictionary = "DICT_4X4_50",
+                .rows = rows,
+                .columns = columns,
+                .tag_size = 0.03,
+                .square = 0.04,
+                .legacy = legacy});
+}
+
+Board AprilGrid() {
+  return Board({.name = "grid",
+                .family = kKalibrFamily,
+                .rows = 2,
+                .columns = 3,
+                .tag_size = 0.06,
+                .gap = 0.018,
+                .from_bottom = true});
+}
+
+struct Sight {
+  double distance = 0.4;
+  double tilt = 0.5;                                // at most, radians
+  double turn = 0;                                  // about the camera's axis, radians
+  Eigen::Vector2d aside = Eigen::Vector2d::Zero();  // metres
+  RenderSettings settings = {};
+};
+
+RenderedBoard Seen(const Board& board, const Sight& sight, int seed) {
+  std::mt19937_64 random(seed);
+  const Eigen::Isometry3d pose = Eigen::Translation3d(sight.aside.x(), sight.aside.y(), 0) *
+                                 Eigen::AngleAxisd(sight.turn, Eigen::Vector3d::UnitZ()) *
+                                 RandomPose(board, sight.distance, sight.tilt, random);
+  return RenderedBoard(board, Intrinsics(320, 240, kBoardFocal, -0.2), pose, sight.settings,
+                       random);
+}
+
+struct CornerErrors {
+  size_t corners = 0;
+  double rms = 0;    // per axis, pixels
+  double worst = 0;  // pixels
+  double chi2 = 0;   // per degree of freedom
+};
+
+CornerErrors ErrorsIn(const cv::Mat& image, const RenderedBoard& rendered, const Board& board,
+                      const std::optional<CameraModel>& lens = std::nullopt) {
+  BoardDetector detector({board});
+  CornerErrors errors;
+  for (const DetectedTag& mark : detector.Detect(image, lens)) {
+    if (!board.HasTag(mark.family, mark.tag)) continue;
+    for (size_t i = 0; i < mark.corners.size(); ++i) {
+      const double error =
+          (mark.corners[i] - rendered.Corner(mark.tag, static_cast<int>(i))).norm();
+      errors.rms += error * error / 2;
+      errors.chi2 += error * error / (2 * mark.sigma * mark.sigma);
+      errors.worst = std::max(errors.worst, error);
+      ++errors.corners;
+    }
+  }
+  errors.rms = std::sqrt(errors.rms / static_cast<double>(errors.corners));
+  errors.chi2 /= static_cast<double>(errors.corners);
+  return errors;
+}
+
+CornerErrors ErrorsIn(const RenderedBoard& rendered, const Board& board,
+                      const std::optional<CameraModel>& lens = std::nullopt) {
+  return ErrorsIn(rendered.image(), rendered, board, lens);
+}
+
+TEST(BoardDetector, CornersOfEachKindAreGoodToHundredthsOfAPixelAtASessionsAngles) {
+  for (const Board& board : {Chessboard(8, 5), Charuco(6, 5), AprilGrid()}) {
+    SCOPED_TRACE(board.family());
+    const CornerErrors errors = ErrorsIn(Seen(board, {}, 1), board);
+    EXPECT_EQ(errors.corners, static_cast<size_t>(board.tags() * board.corners_per_mark()));
+    EXPECT_LT(errors.rms, 0.06);
+    EXPECT_LT(errors.worst, 0.25);
+    EXPECT_GT(errors.chi2, 0.2);
+    EXPECT_LT(errors.chi2, 2);
+  }
+}
+
+TEST(BoardDetector, KnownLensesMakeCornersOfChessboardsBetter) {
+  const Board board = Chessboard(8, 5);
+  const RenderedBoard rendered = Seen(board, {}, 4);
+  const CameraModel lens(rendered.intrinsics());
+  EXPECT_LT(ErrorsIn(rendered, board, lens).rms, ErrorsIn(rendered, board).rms);
+}
+
+TEST(BoardDetector, BoardsAreFoundInTheirFrameHoweverTheyAreTurned) {
+  for (const Board& board : {Chessboard(4, 7), Charuco(5, 4), AprilGrid()}) {
+    const RenderedBoard rendered = Seen(board, {.tilt = 0.2}, 5);
+    cv::Mat image = rendered.image();
+    BoardDetector detector({board});
+    for (int quarter = 0; quarter < 4; ++quarter) {
+      SCOPED_TRACE(testing::Message() << board.family() << ", turned by " << 90 * quarter);
+      const std::vector<DetectedTag> marks = detector.Detect(image);
+      EXPECT_EQ(marks.size(), static_cast<size_t>(board.tags()));
+      for (const DetectedTag& mark : marks) {
+        Eigen::Vector2d at = rendered.Corner(mark.tag, 0);
+        int height = rendered.image().rows;
+        for (int turn = 0; turn < quarter; ++turn) {
+          at = Eigen::Vector2d(height - 1 - at.y(), at.x());
+          height = turn % 2 == 0 ? rendered.image().cols : rendered.image().rows;
+        }
+        EXPECT_LT((mark.corners.front() - at).norm(), 0.5) << mark.tag;
+      }
+      cv::rotate(image.clone(), image, cv::ROTATE_90_CLOCKWISE);
+    }
+  }
+}
+
+TEST(BoardDetector, OfAPartOfACharucoBoardTheCornersInTheImageAreFound) {
+  const Board board = Charuco(6, 5);
+  const RenderedBoard rendered = Seen(board, {.distance = 0.3, .aside = {0.1, 0.05}}, 2);
+  const CornerErrors errors = ErrorsIn(rendered, board);
+  EXPECT_GE(errors.corners, 6u);
+  EXPECT_LT(errors.corners, static_cast<size_t>(board.tags()));
+  EXPECT_LT(errors.worst, 0.3);
+}
+
+TEST(BoardDetector, ACharucoBoardOfTheOtherLayoutIsFoundAsItIs) {
+  const Board printed = Charuco(5, 4, true);
+  EXPECT_LT(ErrorsIn(Seen(printed, {}, 1), Charuco(5, 4, false)).worst, 0.3);
+}
+
+TEST(BoardDetector, ACharucoBoardWithRowsAndColumnsExchangedIsNotTakenForTheDescribedOne) {
+  const Board described = Charuco(5, 6);
+  BoardDetector detector({described});
+  const ImageTags found = FindTags(detector, Seen(Charuco(6, 5), {}, 1).image(), std::nullopt);
+  EXPECT_TRUE(found.tags.empty());
+  ASSERT_FALSE(found.foreign.empty());
+  EXPECT_EQ(found.foreign.front().family, Charuco(6, 5).family());
+}
+
+TEST(BoardDetector, UnevenLightAndJpegLeaveCornersWithinTenthsOfAPixel) {
+  for (const Board& board : {Chessboard(8, 5), Charuco(6, 5), AprilGrid()}) {
+    SCOPED_TRACE(board.family());
+    const RenderedBoard rendered = Seen(board, {}, 6);
+    cv::Mat_<uint8_t> image = rendered.image().clone();
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        image(y, x) = cv::saturate_cast<uint8_t>(image(y, x) * (0.4 + 0.7 * x / image.cols));
+      }
+    }
+    std::vector<uint8_t> jpeg;
+    cv::imencode(".jpg", image, jpeg, {cv::IMWRITE_JPEG_QUALITY, 85});
+    const CornerErrors errors = ErrorsIn(cv::imdecode(jpeg, cv::IMREAD_GRAYSCALE), rendered, board);
+    EXPECT_EQ(errors.corners, static_cast<size_t>(board.tags() * board.corners_per_mark()));
+    EXPECT_LT(errors.worst, 0.4);
+  }
+}
+
+TEST(BoardDetector, WithoutABoardNothingIsFound) {
+  BoardDetector detector({Chessboard(8, 5), Charuco(6, 5), AprilGrid()});
+  cv::Mat noise(180, 240, CV_8UC1);
+  cv::theRNG().state = 1;
+  cv::randu(noise, 0, 255);
+  EXPECT_TRUE(detector.Detect(noise).empty());
+  EXPECT_TRUE(detector.Detect(cv::Mat(2, 2, CV_8UC1, cv::Scalar(128))).empty());
+  EXPECT_THROW(detector.Detect(cv::Mat(20, 20, CV_8UC3)), std::invalid_argument);
+  EXPECT_THROW(BoardDetector({}), std::invalid_argument);
+}
+
+TEST(BoardDetector, AChessboardOfAnotherSizeIsNotFound) {
+  const cv::Mat image = Seen(Chessboard(5, 8), {}, 1).image();
+  BoardDetector detector({Chessboard(9, 6)});
+  EXPECT_TRUE(detector.Detect(image).empty());
+  EXPECT_EQ(DictionaryIn(Seen(Charuco(6, 5), {}, 1).image()), "DICT_4X4_50");
+}
+
+}  // namespace
+}  // namespace silhouette

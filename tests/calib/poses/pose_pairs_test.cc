@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/poses/pose_pairs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <random>
+
+#include "calib/camera/camera_model.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr double kPairPosition = 1e-3;           // noise per axis, metres
+constexpr double kPairRotation = 0.1 * kDegree;  // radians
+
+class Pairs {
+ public:
+  explicit Pairs(unsigned seed, int count = 25, bool on_flange = false) : random_(seed) {
+    camera_pose = Anywhere(1.5, 3);
+    board_pose = Anywhere(0.1, 3);
+    for (int i = 0; i < count; ++i) {
+      const Eigen::Isometry3d flange = Anywhere(0.5, 0.6);
+      const Eigen::Isometry3d link = on_flange ? flange.inverse() : flange;
+      pairs.push_back({flange, camera_pose * link * board_pose * Noise()});
+    }
+  }
+
+  Eigen::Isometry3d camera_pose;
+  Eigen::Isometry3d board_pose;
+  std::vector<PosePair> pairs;
+
+ private:
+  Eigen::Vector3d Normals() { return {normal_(random_), normal_(random_), normal_(random_)}; }
+  static Eigen::Isometry3d PoseOf(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift) {
+    Eigen::Isometry3d pose(Eigen::Translation3d{shift});
+    pose.rotate(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+    return pose;
+  }
+  Eigen::Isometry3d Anywhere(double far, double turn) {
+    return PoseOf(turn / 2 * Normals(), far / 2 * Normals());
+  }
+  Eigen::Isometry3d Noise() { return PoseOf(kPairRotation * Normals(), kPairPosition * Normals()); }
+
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+};
+
+std::string RefusalOfPairs(const std::vector<PosePair>& pairs, bool on_flange) {
+  return std::string(SolvePosePairs(pairs, on_flange).status().message());
+}
+
+TEST(PosePairs, GiveTheCameraAsExactlyAsTheySay) {
+  constexpr unsigned kRuns = 15;
+  double chi2 = 0;
+  for (const bool on_flange : {false, true}) {
+    for (unsigned seed = 1; seed <= kRuns; ++seed) {
+      const Pairs truth(seed, 25, on_flange);
+      const auto solution = SolvePosePairs(truth.pairs, on_flange);
+      ASSERT_TRUE(solution.ok()) << seed << ": " << solution.status();
+      const Eigen::Isometry3d off = truth.camera_pose.inverse() * solution->camera_pose;
+      Eigen::Matrix<double, 6, 1> error;
+      error << RotationVectorOf(off), off.translation();
+      chi2 += error.dot(solution->covariance.ldlt().solve(error)) / (6 * 2 * kRuns);
+      EXPECT_LT(off.translation().norm(), 0.005) << seed;
+      EXPECT_NEAR(solution->position_sigma, kPairPosition, 0.4e-3) << seed;
+      EXPECT_NEAR(solution->rotation_sigma, kPairRotation, 0.04 * kDegree) << seed;
+    }
+  }
+  EXPECT_GT(chi2, 0.6);
+  EXPECT_LT(chi2, 1.6);
+}
+
+TEST(PosePairs, AWrongPairIsLeftOut) {
+  Pairs truth(3);
+  truth.pairs[7].camera_from_board.translation().x() += 0.05;
+  const auto solution = SolvePosePairs(truth.pairs, false);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  for (size_t i = 0; i < truth.pairs.size(); ++i) {
+    EXPECT_EQ(solution->residuals[i].outlier, i == 7) << i;
+  }
+  EXPECT_LT((truth.camera_pose.inverse() * solution->camera_pose).translation().norm(), 0.005);
+}
+
+TEST(PosePairs, OfTheOtherMountOrInvertedAreRefusedWithTheReason) {
+  const Pairs standing(5);
+  EXPECT_THAT(RefusalOfPairs(standing.pairs, true), HasSubstr("without --eye-in-hand"));
+  const Pairs riding(5, 25, true);
+  EXPECT_THAT(RefusalOfPairs(riding.pairs, false),
+              HasSubstr("the camera on the flange (--eye-in-hand)"));
+  std::vector<PosePair> inverted = standing.pairs;
+  for (PosePair& pair : inverted) pair.camera_from_board = pair.camera_from_board.inverse();
+  EXPECT_THAT(RefusalOfPairs(inverted, false), HasSubstr("camera's poses inverted"));
+  std::vector<PosePair> shifted = standing.pairs;
+  for (size_t i = 0; i + 1 < shifted.size(); ++i) {
+    shifted[i].camera_from_board = shifted[i + 1].camera_from_board;
+  }
+  EXPECT_THAT(RefusalOfPairs(shifted, false), HasSubstr("belongs to its robot pose"));
+}
+
+TEST(PosePairs, TooFewOrOnlyOneAxisAreRefused) {
+  EXPECT_THAT(RefusalOfPairs(Pairs(1, 4).pairs, false), HasSubstr("only 4 pairs"));
+  Pairs turned(1, 10);
+  for (PosePair& pair : turned.pairs) {
+    const double angle = RotationVectorOf(pair.base_from_flange).x();
+    pair.base_from_flange.linear() =
+        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  }
+  EXPECT_THAT(RefusalOfPairs(turned.pairs, false), HasSubstr("about one axis only"));
+}
+
+TEST(PosePairs, AreReadAsMoveItAndEasyHandeyeWriteThem) {
+  const auto moveit = PosePairsFromText(
+      "- effector_wrt_world: [1, 0, 0, 0.4, 0, 1, 0, 0.5, 0, 0, 1, 0.6, 0, 0, 0, 1]\n"
+      "  object_wrt_sensor:\n    - 0\n    - -1\n    - 0\n    - 0.1\n    - 1\n    - 0\n    - 0\n"
+      "    - 0.2\n    - 0\n    - 0\n    - 1\n    - 0.3\n    - 0\n    - 0\n    - 0\n    - 1\n",
+      "samples.yaml");
+  ASSERT_TRUE(moveit.ok()) << moveit.status();
+  ASSERT_EQ(moveit->size(), 1u);
+  EXPECT_TRUE(
+      moveit->front().base_from_flange.translation().isApprox(Eigen::Vector3d(0.4, 0.5, 0.6)));
+  EXPECT_TRUE((moveit->front().camera_from_board * Eigen::Vector3d::UnitX())
+                  .isApprox(Eigen::Vector3d(0.1, 1.2, 0.3)));
+  const auto easy = PosePairsFromText(
+      "parameters:\n  name: ''\nsamples:\n"
+      "- robot:\n    translation: {x: 0.4, y: 0.5, z: 0.6}\n"
+      "    rotation: {x: 0.0, y: 0.0, z: 0.0, w: 1.0}\n"
+      "  tracking:\n    translation: {x: 0.1, y: 0.2, z: 0.3}\n"
+      "    rotation: {x: 0.0, y: 0.0, z: 0.70710678, w: 0.70710678}\n",
+      "demo.samples");
+  ASSERT_TRUE(easy.ok()) << easy.status();
+  ASSERT_EQ(easy->size(), 1u);
+  EXPECT_TRUE(easy->front().base_from_flange.isApprox(moveit->front().base_from_flange, 1e-6));
+  EXPECT_TRUE(easy->front().camera_from_board.isApprox(moveit->front().camera_from_board, 1e-6));
+}
+
+TEST(PosePairs, OtherFilesAreRefusedWithLine) {
+  const auto refusal = [](const std::string& text) {
+    return std::string(PosePairsFromText(text, "samples.yaml").status().message());
+  };
+  EXPECT_THAT(refusal("transforms: []\n"), HasSubstr("'samples' is missing"));
+  EXPECT_THAT(refusal("- effector_wrt_world: [1, 0, 0]\n  object_wrt_sensor: []\n"),
+              HasSubstr("samples.yaml:1"));
+  EXPECT_THAT(refusal("samples:\n- robot:\n    translation: {x: 0, y: 0, z: 0}\n"
+                      "    rotation: {x: 1, y: 1, z: 0, w: 0}\n  tracking: {}\n"),
+              HasSubstr("samples.yaml"));
+}
+
+}  // namespace
+}  // namespace silhouette
