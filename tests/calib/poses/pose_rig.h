@@ -4,9 +4,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/poses/pose_problem.h"
@@ -38,6 +42,10 @@ class PoseRig {
   }
 
   double corner_sigma = 0.05;  // pixels
+  // What the model does not know: by how much corners are printed elsewhere than described, metres,
+  // and how the lenses really distort.
+  double print_sigma = 0;
+  std::optional<std::array<double, 8>> true_distortion;
   PoseProblem problem;
   std::vector<Eigen::Isometry3d> camera_poses;  // true ones, as in SolvedView
   std::vector<Eigen::Isometry3d> board_poses;   // true ones, of boards that are not loose
@@ -176,7 +184,9 @@ class PoseRig {
              const Eigen::Isometry3d& camera_from_board) {
     const Eigen::Vector3d ahead = camera_from_board.linear().col(2);
     const BoardDescription& d = problem.boards[board].board.description();
-    const CameraModel camera(problem.views[view].lens, camera_from_board);
+    CameraIntrinsics lens = problem.views[view].lens;
+    if (true_distortion) lens.distortion = *true_distortion;
+    const CameraModel camera(lens, camera_from_board);
     for (int tag = d.first_id; tag < d.first_id + problem.boards[board].board.tags(); ++tag) {
       TagSighting seen{.frame = frame,
                        .view = problem.views[view].name,
@@ -186,7 +196,7 @@ class PoseRig {
       const TagCorners points = problem.boards[board].board.CornersOf(tag);
       bool visible = true;
       for (int i = 0; i < 4; ++i) {
-        const auto pixel = camera.Project(points[i]);
+        const auto pixel = camera.Project(points[i] + PrintError(tag, i));
         visible = visible && pixel && camera.Contains(*pixel) &&
                   ahead.dot((camera_from_board * points[i]).normalized()) > 0.35;
         if (!visible) break;
@@ -196,8 +206,16 @@ class PoseRig {
     }
   }
 
+  Eigen::Vector3d PrintError(int tag, int corner) {
+    if (print_sigma == 0) return Eigen::Vector3d::Zero();
+    const auto [place, added] = print_errors_.try_emplace({tag, corner}, 0, 0, 0);
+    if (added) place->second = {Normal(print_sigma), Normal(print_sigma), Normal(print_sigma)};
+    return place->second;
+  }
+
   std::mt19937 random_;
   int next_tag_ = 0;
+  std::map<std::pair<int, int>, Eigen::Vector3d> print_errors_;
 };
 
 // A session with the board on the flange.
