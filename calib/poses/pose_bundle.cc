@@ -7,7 +7,6 @@
 #include <ceres/rotation.h>
 #include <ceres/solver.h>
 #include <Eigen/Geometry>
-#include <Eigen/SparseCholesky>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -343,91 +342,6 @@ bool Adjust(Bundle& bundle, double robust) {
 
 std::optional<BundleJacobian> JacobianOf(Bundle& bundle) {
   return CeresBundle(bundle, 0).Jacobian();
-}
-
-namespace {
-
-using Sparse = Eigen::SparseMatrix<double>;
-
-// With the diagonal scaled to one, a pivot is the share of a parameter's effect that the others
-// cannot imitate; below this it is rounding.
-constexpr double kLeastPivot = 1e-11;
-
-std::string NameAt(const std::vector<BundleBlock>& blocks, Eigen::Index column) {
-  for (const BundleBlock& block : blocks) {
-    if (block.pose && column >= block.column && column < block.column + 6) return block.pose->name;
-  }
-  return "the boards' size";
-}
-
-// The priors' sum of squares, and its expectation.
-void SumPriors(const std::vector<BundlePose>& poses, double& chi2, double& redundancy) {
-  for (const BundlePose& pose : poses) {
-    if (!pose.has_prior || pose.left_out || pose.constant || pose.covariance.isZero(0)) continue;
-    chi2 += pose.PriorResidual().squaredNorm();
-    for (int i = 0; i < 6; ++i) {
-      const double sigma = i < 3 ? pose.rotation_sigma : pose.position_sigma;
-      redundancy += 1 - pose.covariance(i, i) / (sigma * sigma);
-    }
-  }
-}
-
-}  // namespace
-
-BundleStatistics FindCovariances(Bundle& bundle) {
-  bundle.size_sigmas.assign(bundle.sizes.size(), 0);
-  for (auto* poses : {&bundle.cameras, &bundle.flanges, &bundle.board_poses}) {
-    for (BundlePose& pose : *poses) pose.covariance.setZero();
-  }
-  BundleStatistics statistics;
-  const std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
-  if (!derivatives) {
-    statistics.undetermined = "anything";
-    return statistics;
-  }
-  const Eigen::Index columns = derivatives->jacobian.cols();
-  statistics.chi2 = derivatives->chi2;
-  statistics.dof = static_cast<int>(derivatives->jacobian.rows() - columns);
-  Eigen::VectorXd scale(columns);
-  for (Eigen::Index i = 0; i < columns; ++i) {
-    const double norm = derivatives->jacobian.col(i).norm();
-    if (!(norm > 0)) {
-      statistics.undetermined = NameAt(derivatives->blocks, i);
-      return statistics;
-    }
-    scale[i] = 1 / norm;
-  }
-  const Sparse scaled = derivatives->jacobian * scale.asDiagonal();
-  const Sparse normal = scaled.transpose() * scaled;
-  const Eigen::SimplicialLDLT<Sparse> solver(normal);
-  Eigen::Index least = 0;
-  if (solver.info() != Eigen::Success) {
-    statistics.undetermined = "a pose";
-    return statistics;
-  }
-  if (!(solver.vectorD().minCoeff(&least) > kLeastPivot)) {
-    statistics.undetermined =
-        NameAt(derivatives->blocks, solver.permutationPinv().indices()[least]);
-    return statistics;
-  }
-  for (const BundleBlock& block : derivatives->blocks) {
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(columns, block.width());
-    unit.middleRows(block.column, block.width()).setIdentity();
-    const Eigen::MatrixXd solved = solver.solve(unit);
-    const auto part = scale.segment(block.column, block.width()).asDiagonal();
-    const Eigen::MatrixXd covariance = part * solved.middleRows(block.column, block.width()) * part;
-    if (block.pose) {
-      block.pose->covariance = (covariance + covariance.transpose()) / 2;
-    } else {
-      bundle.size_sigmas[block.size] = std::sqrt(covariance(0, 0));
-    }
-  }
-  SumPriors(bundle.flanges, statistics.flange_chi2, statistics.flange_redundancy);
-  SumPriors(bundle.board_poses, statistics.survey_chi2, statistics.survey_redundancy);
-  statistics.corner_chi2 = statistics.chi2 - statistics.flange_chi2 - statistics.survey_chi2;
-  statistics.corner_redundancy =
-      statistics.dof - statistics.flange_redundancy - statistics.survey_redundancy;
-  return statistics;
 }
 
 }  // namespace silhouette

@@ -44,11 +44,23 @@ struct BundleCorner {
   int size = 0;           // index of the board's size factor
   Eigen::Vector3d point;  // in the board's frame
   Eigen::Vector2d pixel;
-  double sigma = 1;  // pixels
-  size_t look = 0;   // in the network
-  size_t place = 0;  // in the look
+  double sigma = 1;     // pixels
+  double stated = 1;    // sigma by the sightings' file, pixels
+  int part = 0;         // in Bundle::parts
+  size_t sighting = 0;  // in the problem: the corners of one tag are used or left out together
+  size_t look = 0;      // in the network
+  size_t place = 0;     // in the look
   bool used = true;
   Eigen::Vector2d residual = Eigen::Vector2d::Zero();  // pixels, after Adjust
+};
+
+// The corners of one board in one view: they share what print, paper and lens add to the errors of
+// detection.
+struct BundlePart {
+  int camera = 0;
+  int size = 0;       // the board's
+  double stated = 0;  // root mean square of the stated sigmas, pixels
+  double sigma = 0;   // the same of the sigmas that count, see NoiseModel
 };
 
 struct Bundle {
@@ -60,6 +72,7 @@ struct Bundle {
   std::vector<double> size_sigmas;  // see FindCovariances
   bool free_sizes = false;          // find them too; drawn to 1 by a sigma of 20 %
   std::vector<BundleCorner> corners;
+  std::vector<BundlePart> parts;  // none: sigmas are as they are
 
   // Between the corner's camera and its board: the identity, the flange's pose or its inverse.
   Eigen::Isometry3d LinkOf(const BundleCorner& corner) const;
@@ -78,9 +91,10 @@ struct BundleStatistics {
   std::string undetermined;  // what the data do not determine; empty: all is
   double chi2 = 0;
   int dof = 0;
-  // Sums of squares and their expectation, of corners and of the priors of flanges and boards.
-  double corner_chi2 = 0;
-  double corner_redundancy = 0;
+  // Sums of squares and their expectation, of each part's corners and of the priors of flanges and
+  // boards.
+  std::vector<double> part_chi2;
+  std::vector<double> part_redundancy;
   double flange_chi2 = 0;
   double flange_redundancy = 0;
   double survey_chi2 = 0;

@@ -8,14 +8,15 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
 #include "calib/poses/pose_fit.h"
+#include "calib/poses/pose_noise.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
 constexpr double kFirstRobust = 60;  // sigmas
-// A noise that exceeds what was stated by this much is taken for what it is.
-constexpr double kNoiseExcess = 1.3;
+// Rounds of noise and outliers.
+constexpr int kMostRounds = 10;
 
 absl::Status Undetermined(const std::string& what) {
   return FailedPrecondition(
@@ -45,67 +46,39 @@ absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
   return absl::OkStatus();
 }
 
-// The last solve: the outliers are known; noise larger than stated is taken for what it is.
-class FinalSolve {
- public:
-  FinalSolve(Bundle& bundle, BundleStatistics& statistics, NoiseFactors& factors)
-      : bundle_(bundle), statistics_(statistics), factors_(factors) {}
+absl::Status Refit(Bundle& bundle) {
+  if (Adjust(bundle, 0)) return absl::OkStatus();
+  return FailedPrecondition("no poses were found that explain what was seen");
+}
 
-  absl::Status Run() {
-    for (int i = 0; i < 4; ++i) {
-      if (!Adjust(bundle_, 0)) {
-        return FailedPrecondition("no poses were found that explain what was seen");
-      }
-      statistics_ = FindCovariances(bundle_);
-      if (!statistics_.undetermined.empty()) return Undetermined(statistics_.undetermined);
-      if (i == 0)
-        factors_.chi2_per_dof = statistics_.dof > 0 ? statistics_.chi2 / statistics_.dof : 0;
-      if (!EnlargeNoise()) break;
+absl::StatusOr<BundleStatistics> StatisticsOf(Bundle& bundle) {
+  BundleStatistics statistics = FindCovariances(bundle);
+  if (!statistics.undetermined.empty()) return Undetermined(statistics.undetermined);
+  return statistics;
+}
+
+// Finds how large the errors are, and what does not fit by that.
+absl::Status SortOut(const PoseNetwork& network, NoiseModel& noise, Bundle& bundle) {
+  for (int i = 0; i < kMostRounds; ++i) {
+    ASSIGN_OR_RETURN(const BundleStatistics statistics, StatisticsOf(bundle));
+    const bool other_noise = noise.Estimate(statistics, NoiseModel::By::kMedians);
+    const bool other_outliers = MarkOutliers(network, bundle);
+    if (!other_noise && !other_outliers) break;
+    RETURN_IF_ERROR(Refit(bundle));
+  }
+  return absl::OkStatus();
+}
+
+// The last solve: the outliers are known.
+absl::StatusOr<BundleStatistics> SolveFinally(NoiseModel& noise, Bundle& bundle) {
+  for (int i = 0;; ++i) {
+    RETURN_IF_ERROR(Refit(bundle));
+    ASSIGN_OR_RETURN(BundleStatistics statistics, StatisticsOf(bundle));
+    if (i == kMostRounds || !noise.Estimate(statistics, NoiseModel::By::kSquares)) {
+      return statistics;
     }
-    return absl::OkStatus();
   }
-
- private:
-  static double Factor(double chi2, double redundancy) {
-    return redundancy > 1 ? std::sqrt(chi2 / redundancy) : 1;
-  }
-
-  // Takes a part's noise for `excess` times what it was, if that is clear. Returns whether it did.
-  static bool Enlarge(double excess, double& scale, std::vector<BundlePose>& poses) {
-    if (!(excess > kNoiseExcess)) return false;
-    scale *= excess;
-    for (BundlePose& pose : poses) {
-      pose.position_sigma *= excess;
-      pose.rotation_sigma *= excess;
-    }
-    return true;
-  }
-
-  // Returns whether a noise had to be enlarged.
-  bool EnlargeNoise() {
-    const double image = Factor(statistics_.corner_chi2, statistics_.corner_redundancy);
-    const double robot = Factor(statistics_.flange_chi2, statistics_.flange_redundancy);
-    const double survey = Factor(statistics_.survey_chi2, statistics_.survey_redundancy);
-    factors_.image = image_scale_ * image;
-    factors_.robot = statistics_.flange_redundancy > 1 ? robot_scale_ * robot : 0;
-    factors_.survey = statistics_.survey_redundancy > 1 ? survey_scale_ * survey : 0;
-    bool enlarged = Enlarge(robot, robot_scale_, bundle_.flanges);
-    enlarged = Enlarge(survey, survey_scale_, bundle_.board_poses) || enlarged;
-    if (image > kNoiseExcess) {
-      image_scale_ *= image;
-      enlarged = true;
-      for (BundleCorner& corner : bundle_.corners) corner.sigma *= image;
-    }
-    return enlarged;
-  }
-
-  Bundle& bundle_;
-  BundleStatistics& statistics_;
-  NoiseFactors& factors_;
-  double image_scale_ = 1;
-  double robot_scale_ = 1;
-  double survey_scale_ = 1;
-};
+}
 
 }  // namespace
 
@@ -114,21 +87,21 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   RETURN_IF_ERROR(CheckFit(problem, fit));
   Bundle& bundle = fit.bundle;
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
-  // Flanges that the robot stated wrongly follow their corners first; then single corners that are
-  // wrong lose their pull.
+  // Flanges that the robot stated wrongly follow their corners first; then corners that are wrong
+  // lose their pull.
   if (!Adjust(bundle, kFirstRobust) || !AdjustStepwise(bundle, kRobust)) {
     return FailedPrecondition("no poses were found that explain what was seen");
   }
-  for (int i = 0; i < 5 && MarkOutliers(bundle); ++i) {
-    if (!Adjust(bundle, 0)) break;
-  }
-  RETURN_IF_ERROR(CheckSizes(fit.network, bundle, fit.network.warnings));
+  NoiseModel noise(bundle);
+  RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
+  RETURN_IF_ERROR(CheckSizes(problem.size_trust, fit));
   RETURN_IF_ERROR(CheckOutliers(bundle));
-  BundleStatistics statistics;
-  NoiseFactors factors;
-  RETURN_IF_ERROR(FinalSolve(bundle, statistics, factors).Run());
+  ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
+  const NoiseFactors factors = noise.Factors(statistics);
   RETURN_IF_ERROR(CheckNoise(bundle, factors));
-  return SolutionOf(fit, statistics, factors);
+  PoseSolution solution = SolutionOf(fit, statistics, factors);
+  RETURN_IF_ERROR(CheckWeakness(problem.least_frames, fit, solution));
+  return solution;
 }
 
 }  // namespace silhouette

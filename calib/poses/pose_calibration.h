@@ -47,6 +47,7 @@ struct SolvedBoard {
   double survey_offset = 0;
   double survey_rotation = 0;
   bool survey_outlier = false;  // the survey of this board was left out
+  double size = 1;              // of what was stated; see SizeTrust::kFound
 };
 
 struct SolvedFrame {
@@ -67,15 +68,26 @@ struct CornerResidual {
   bool outlier = false;
 };
 
+// How far off one board's corners are in one view, root mean square per axis, pixels: by what the
+// sightings state, which is the detection's share, and by the residuals.
+struct SolvedNoise {
+  std::string view;
+  std::string board;
+  double stated = 0;
+  double sigma = 0;
+};
+
 struct PoseSolution {
   std::vector<SolvedView> views;    // in the order of the problem's
   std::vector<SolvedBoard> boards;  // those that were seen
   std::vector<SolvedFrame> frames;  // in the order of the sightings
   std::vector<CornerResidual> residuals;
-  double chi2_per_dof = 0;
+  std::vector<SolvedNoise> noise;
+  double chi2_per_dof = 0;  // with the stated sigmas of robot and survey
   int dof = 0;
   // How many times the stated sigma the errors look: of the corners, of the robot and of the survey
-  // (0 where there is none). Covariances are already enlarged by what exceeds 1.
+  // (0 where there is none). Covariances are by the corners' noise as it is, and enlarged by what
+  // exceeds 1 of the robot's and the survey's.
   double image_noise_factor = 0;
   double robot_noise_factor = 0;
   double survey_noise_factor = 0;

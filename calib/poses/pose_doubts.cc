@@ -164,7 +164,9 @@ absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, dou
       says = guess.says;
     }
   }
-  if (const std::optional<double> size = fit.ok() ? SizeByMotion(*fit) : std::nullopt) {
+  const bool size_doubted = problem.size_trust == SizeTrust::kNeither;
+  if (const std::optional<double> size =
+          fit.ok() && size_doubted ? SizeByMotion(*fit) : std::nullopt) {
     const std::optional<double> guessed = MedianOfFit(Resized(alone, *size));
     if (guessed && (!least || *guessed < *least)) {
       least = guessed;
@@ -203,32 +205,79 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
       problem.views[worst].name, fit.median_px[worst], fit.expected_px[worst]));
 }
 
-absl::Status CheckSizes(const PoseNetwork& network, const Bundle& bundle,
-                        std::vector<std::string>& warnings) {
+namespace {
+
+// Sizes of boards that the bundle found beside those stated.
+struct OtherSize {
+  size_t board = 0;
+  double size = 1;   // of what was stated
+  double sigma = 0;  // its standard deviation
+};
+
+std::vector<OtherSize> OtherSizes(const Bundle& sized) {
   constexpr double kCertain = 5;  // sigmas
-  constexpr double kRefusedSize = 0.01;
   constexpr double kMentionedSize = 0.001;
-  Bundle sized = bundle;
-  sized.free_sizes = true;
-  if (!Adjust(sized, 0)) return absl::OkStatus();
-  const BundleStatistics statistics = FindCovariances(sized);
-  if (!statistics.undetermined.empty() || statistics.dof <= 0) return absl::OkStatus();
-  const double excess = std::max(1.0, std::sqrt(statistics.chi2 / statistics.dof));
+  std::vector<OtherSize> others;
   for (size_t i = 0; i < sized.sizes.size(); ++i) {
     const double off = std::abs(sized.sizes[i] - 1);
-    if (!(sized.size_sigmas[i] > 0) || off < kMentionedSize ||
-        off < kCertain * excess * sized.size_sigmas[i]) {
-      continue;
+    const double sigma = sized.size_sigmas[i];
+    if (sigma > 0 && off >= kMentionedSize && off >= kCertain * sigma) {
+      others.push_back({i, sized.sizes[i], sigma});
     }
-    const BoardDescription& board = network.boards[i].board.description();
-    const std::string measure = absl::StrCat("the tags of board '", board.name, "' measure ",
-                                             SizeText(board, sized.sizes[i]));
-    if (off > kRefusedSize) {
-      return FailedPrecondition("by all else that is known ", measure, "; measure the print");
-    }
-    warnings.push_back(
-        absl::StrCat("by all else that is known ", measure, "; measure the print if it matters"));
   }
+  return others;
+}
+
+// Which of several things is off: one board's print, or what all boards are measured by.
+std::string TextOfSizes(const PoseFit& fit, const std::vector<OtherSize>& others, double shift) {
+  std::vector<std::string> boards;
+  double least = others.front().size;
+  double most = least;
+  double sigma = 0;
+  for (const OtherSize& other : others) {
+    const BoardDescription& d = fit.network.boards[other.board].board.description();
+    boards.push_back(absl::StrFormat("the tags of board '%s' measure %s (+- %.2g mm)", d.name,
+                                     SizeText(d, other.size), 1000 * d.tag_size * other.sigma));
+    least = std::min(least, other.size);
+    most = std::max(most, other.size);
+    sigma = std::max(sigma, other.sigma);
+  }
+  const bool alike = others.size() > 1 && most - least < 3 * sigma;
+  return absl::StrFormat(
+      "by the motion of the robot or the survey %s; %s; with these sizes points of the workspace "
+      "are up to %.1f mm elsewhere",
+      FewOf(boards),
+      alike ? "all are off by the same share, so that rather the robot's positions or the lenses' "
+              "focal lengths are"
+            : "measure the print; if it is right, the robot's positions or the lens's focal "
+              "length are off by this share",
+      1000 * shift);
+}
+
+}  // namespace
+
+absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
+  constexpr double kRefusedSize = 0.01;
+  // The other answer: with the sizes found, or with those stated.
+  Bundle other = fit.bundle;
+  other.free_sizes = !fit.bundle.free_sizes;
+  if (!other.free_sizes) other.sizes.assign(other.sizes.size(), 1);
+  if (!Adjust(other, 0)) return absl::OkStatus();
+  Bundle& sized = other.free_sizes ? other : fit.bundle;
+  const BundleStatistics statistics = FindCovariances(sized);
+  if (!statistics.undetermined.empty() || statistics.dof <= 0) return absl::OkStatus();
+  const std::vector<OtherSize> others = OtherSizes(sized);
+  if (others.empty()) return absl::OkStatus();
+  std::string text = TextOfSizes(fit, others, std::ranges::max(ShiftsOf(fit, other)));
+  const bool refused = std::ranges::any_of(
+      others, [](const OtherSize& board) { return std::abs(board.size - 1) > kRefusedSize; });
+  if (trust == SizeTrust::kFound) {
+    text += ", as they are here (--trust-size found)";
+  } else if (refused && trust == SizeTrust::kNeither) {
+    return FailedPrecondition(
+        text, "; --trust-size found takes them so, --trust-size stated keeps the description's");
+  }
+  fit.network.warnings.push_back(std::move(text));
   return absl::OkStatus();
 }
 

@@ -11,12 +11,13 @@
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_network.h"
+#include "calib/poses/pose_noise.h"
 
 namespace silhouette {
 
 struct PoseFit {
   PoseNetwork network;
-  Bundle bundle;  // sizes and flanges are constant
+  Bundle bundle;  // flanges are constant, sizes too but for SizeTrust::kFound
   // Per view: the median length of a corner's residual, and what it should be by the sigmas stated.
   std::vector<double> median_px;
   std::vector<double> expected_px;
@@ -35,11 +36,13 @@ inline constexpr double kRobust = 3;
 // `robust` sigmas. As Adjust.
 bool AdjustStepwise(Bundle& bundle, double robust);
 
-// Single corners, poses of the robot and surveyed places that do not fit the rest.
+// Tags, poses of the robot and surveyed places that do not fit the rest.
 
-// Marks again what is too far off (BundleCorner::used, BundlePose::left_out), measured by how far
-// off its like is. Returns whether anything changed.
-bool MarkOutliers(Bundle& bundle);
+// Marks again what is too far off (BundleCorner::used, BundlePose::left_out), in the sigmas of a
+// NoiseModel. A tag is left out as a whole, and with it a look of which less than half, or less
+// than a pose needs, is left. A robot's pose is left out only if the plane's other pose does not
+// agree with it either. Returns whether anything changed.
+bool MarkOutliers(const PoseNetwork& network, Bundle& bundle);
 
 // FailedPrecondition if so much was left out that nothing can be called the rest.
 absl::Status CheckOutliers(const Bundle& bundle);
@@ -51,23 +54,36 @@ absl::Status CheckOutliers(const Bundle& bundle);
 // explain and a guess explains it - or nothing does.
 absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit);
 
-// FailedPrecondition if the robot's motion or the survey says that a board is of another size, by
-// 1 % and more; by less it is a warning. `bundle`: at its minimum with the robot's noise.
-absl::Status CheckSizes(const PoseNetwork& network, const Bundle& bundle,
-                        std::vector<std::string>& warnings);
+// Compares the boards' sizes with what the robot's motion or the survey says of them, at the
+// minimum of the fit, which has the sizes found if that is what `trust` says. A size that is off is
+// a warning, from 1 % on FailedPrecondition if nothing is to be trusted.
+absl::Status CheckSizes(SizeTrust trust, PoseFit& fit);
 
 // A solved bundle as a PoseSolution.
 
-// How many times the stated sigmas the errors are.
-struct NoiseFactors {
-  double image = 0;
-  double robot = 0;         // 0: not known
-  double survey = 0;        // 0: not known
-  double chi2_per_dof = 0;  // with the sigmas as stated
+// Where boards were seen, in the base, or in the flange for views on it.
+class WorkspaceBoxes {
+ public:
+  explicit WorkspaceBoxes(const PoseFit& fit);
+  // A lattice of points, metres; none if nothing was seen there.
+  std::vector<Eigen::Vector3d> PointsFor(bool on_flange) const;
+
+ private:
+  Eigen::AlignedBox3d in_base_;
+  Eigen::AlignedBox3d in_flange_;
 };
+
+// By how much each view has these points elsewhere with the poses of `other`: root mean square,
+// metres.
+std::vector<double> ShiftsOf(const PoseFit& fit, const Bundle& other);
 
 // The bundle's covariances must have been found.
 PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
                         const NoiseFactors& factors);
+
+// FailedPrecondition, with how many more frames of which kind would mend it, if so little holds the
+// poses that a mistake would not show: fewer than `least_frames` poses of the robot and no survey,
+// hardly more measurements than unknowns, or poses that a single frame decides.
+absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolution& solution);
 
 }  // namespace silhouette

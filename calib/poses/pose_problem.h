@@ -57,6 +57,14 @@ struct RobotNoise {
   double rotation_sigma = 0.02 * kDegree;
 };
 
+// What counts where a board's stated size and the robot's motion, or the survey, contradict each
+// other.
+enum class SizeTrust {
+  kNeither,  // it is refused
+  kStated,   // the board's description
+  kFound,    // the motion: the board's size is found with all else
+};
+
 struct PoseProblem {
   std::vector<PoseView> views;
   std::vector<PoseBoard> boards;
@@ -64,6 +72,9 @@ struct PoseProblem {
   std::vector<RobotPose> robot_poses;  // in the order in which they were driven to
   RobotNoise robot_noise;
   bool robot_exact = false;  // takes the robot at its word; for comparison only
+  // The least number of the robot's poses that may hold the cameras, where no survey does.
+  int least_frames = 6;
+  SizeTrust size_trust = SizeTrust::kNeither;
 };
 
 // What is wrong with a problem before anything is solved.

@@ -33,34 +33,21 @@ struct Count {
   double RmsPerAxis() const { return used > 0 ? std::sqrt(sum / (2 * used)) : 0; }
 };
 
-// Where boards were seen, in the world of a view: the base, or the flange for a view on it.
-Eigen::AlignedBox3d SeenSpace(const PoseFit& fit, bool on_flange) {
-  Eigen::AlignedBox3d box;
-  for (const BundleCorner& corner : fit.bundle.corners) {
-    if (!corner.used || corner.camera_on_flange != on_flange) continue;
-    box.extend(fit.bundle.LinkOf(corner) * fit.bundle.board_poses[corner.board_pose].pose *
-               corner.point);
-  }
-  return box;
-}
-
-void FindWorkspaceSigma(const Eigen::AlignedBox3d& box, SolvedView& view) {
-  constexpr int kSteps = 4;
-  if (box.isEmpty()) return;
+void FindWorkspaceSigma(const std::vector<Eigen::Vector3d>& points, SolvedView& view) {
+  if (points.empty()) return;
   double sum = 0;
-  for (const Eigen::Vector3d& point : PointsOf(box, kSteps)) {
+  for (const Eigen::Vector3d& point : points) {
     const double sigma = PointSigma(view.covariance, point);
     sum += sigma * sigma;
     view.workspace_sigma_worst = std::max(view.workspace_sigma_worst, sigma);
   }
-  view.workspace_sigma = std::sqrt(sum / std::pow(kSteps + 1, 3));
+  view.workspace_sigma = std::sqrt(sum / static_cast<double>(points.size()));
 }
 
 void AddViews(const PoseFit& fit, PoseSolution& solution) {
   std::vector<Count> counts(fit.bundle.cameras.size());
   for (const BundleCorner& corner : fit.bundle.corners) counts[corner.camera].Add(corner);
-  const Eigen::AlignedBox3d in_base = SeenSpace(fit, false);
-  const Eigen::AlignedBox3d in_flange = SeenSpace(fit, true);
+  const WorkspaceBoxes boxes(fit);
   for (size_t i = 0; i < counts.size(); ++i) {
     const PoseView& view = fit.network.views[i];
     SolvedView solved{.name = view.name,
@@ -71,7 +58,7 @@ void AddViews(const PoseFit& fit, PoseSolution& solution) {
                       .outliers = counts[i].left_out,
                       .rms_px = counts[i].RmsPerAxis(),
                       .worst_px = counts[i].longest};
-    FindWorkspaceSigma(view.on_flange ? in_flange : in_base, solved);
+    FindWorkspaceSigma(boxes.PointsFor(view.on_flange), solved);
     solution.views.push_back(std::move(solved));
   }
 }
@@ -89,7 +76,8 @@ void AddBoards(const PoseFit& fit, PoseSolution& solution) {
                                .covariance = pose.covariance,
                                .survey_offset = survey.translation().norm(),
                                .survey_rotation = Eigen::AngleAxisd(survey.linear()).angle(),
-                               .survey_outlier = pose.left_out});
+                               .survey_outlier = pose.left_out,
+                               .size = fit.bundle.sizes[fit.network.board_poses[i].board]});
   }
 }
 
@@ -129,6 +117,15 @@ void AddResiduals(const PoseFit& fit, PoseSolution& solution) {
   }
 }
 
+void AddNoise(const PoseFit& fit, PoseSolution& solution) {
+  for (const BundlePart& part : fit.bundle.parts) {
+    solution.noise.push_back({.view = fit.network.views[part.camera].name,
+                              .board = fit.network.boards[part.size].board.description().name,
+                              .stated = part.stated,
+                              .sigma = part.sigma});
+  }
+}
+
 void WarnOfFrames(PoseSolution& solution) {
   std::vector<std::string> corners;
   std::vector<std::string> robot;
@@ -142,8 +139,8 @@ void WarnOfFrames(PoseSolution& solution) {
     }
   }
   if (!corners.empty()) {
-    solution.warnings.push_back(
-        absl::StrCat("corners that do not fit were left out, in the frames ", FewOf(corners)));
+    solution.warnings.push_back(absl::StrCat(
+        "tags that do not fit were left out, in the frames (corners) ", FewOf(corners)));
   }
   if (!robot.empty()) {
     solution.warnings.push_back(
@@ -171,11 +168,20 @@ void WarnOfSurvey(const NoiseFactors& factors, PoseSolution& solution) {
 }
 
 void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& solution) {
-  if (factors.image > 2) {
+  constexpr double kMuch = 3e-4;  // of the image's width
+  std::vector<std::string> noisy;
+  for (const BundlePart& part : fit.bundle.parts) {
+    const PoseView& view = fit.network.views[part.camera];
+    if (part.sigma < std::max(2 * part.stated, kMuch * view.lens.width)) continue;
+    noisy.push_back(absl::StrFormat("board '%s' in view '%s' (%.2f px)",
+                                    fit.network.boards[part.size].board.description().name,
+                                    view.name, part.sigma));
+  }
+  if (!noisy.empty()) {
     solution.warnings.push_back(
-        absl::StrFormat("corners are off by %.1f times the sigma that their file states; the "
-                        "lenses may be wrong, or the sigma",
-                        factors.image));
+        absl::StrCat("corners are farther off than detection explains, which is reckoned with; the "
+                     "lens, the print or the paper may not be as described: ",
+                     FewOf(noisy)));
   }
   if (factors.robot > 1.5) {
     const BundlePose& flange = fit.bundle.flanges.front();  // enlarged already
@@ -211,6 +217,36 @@ void WarnOfWeakness(const PoseFit& fit, PoseSolution& solution) {
 
 }  // namespace
 
+WorkspaceBoxes::WorkspaceBoxes(const PoseFit& fit) {
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    if (!corner.used) continue;
+    (corner.camera_on_flange ? in_flange_ : in_base_)
+        .extend(fit.bundle.LinkOf(corner) * fit.bundle.board_poses[corner.board_pose].pose *
+                corner.point);
+  }
+}
+
+std::vector<Eigen::Vector3d> WorkspaceBoxes::PointsFor(bool on_flange) const {
+  constexpr int kSteps = 4;
+  const Eigen::AlignedBox3d& box = on_flange ? in_flange_ : in_base_;
+  if (box.isEmpty()) return {};
+  return PointsOf(box, kSteps);
+}
+
+std::vector<double> ShiftsOf(const PoseFit& fit, const Bundle& other) {
+  const WorkspaceBoxes boxes(fit);
+  std::vector<double> shifts;
+  for (size_t i = 0; i < fit.bundle.cameras.size(); ++i) {
+    double sum = 0;
+    const std::vector<Eigen::Vector3d> points = boxes.PointsFor(fit.network.views[i].on_flange);
+    for (const Eigen::Vector3d& point : points) {
+      sum += (fit.bundle.cameras[i].pose * point - other.cameras[i].pose * point).squaredNorm();
+    }
+    shifts.push_back(points.empty() ? 0 : std::sqrt(sum / static_cast<double>(points.size())));
+  }
+  return shifts;
+}
+
 double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point) {
   const Eigen::Matrix<double, 3, 6> motion = DerivativeByMotion(point);
   return std::sqrt(std::max(0.0, (motion * covariance * motion.transpose()).trace()));
@@ -229,6 +265,7 @@ PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
   AddBoards(fit, solution);
   AddFrames(fit, solution);
   AddResiduals(fit, solution);
+  AddNoise(fit, solution);
   WarnOfFrames(solution);
   WarnOfSurvey(factors, solution);
   WarnOfNoise(fit, factors, solution);

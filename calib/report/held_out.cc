@@ -64,8 +64,18 @@ class FrameBundle {
       added.flange = flange;
       added.board_pose = board;
       added.size = 0;
-      added.sigma *= image_factor_;
+      added.sigma = SigmaOf(look, corner.sigma);
     }
+  }
+
+  double SigmaOf(const Look& look, double stated) const {
+    const BoardDescription& board =
+        network_.boards[network_.board_poses[look.board_pose].board].board.description();
+    for (const SolvedNoise& noise : task_.training.noise) {
+      if (noise.view != network_.views[look.view].name || noise.board != board.name) continue;
+      return CornerSigma(stated, noise.stated, noise.sigma);
+    }
+    return stated;
   }
 
   int FlangeOf(const Look& look) {
@@ -208,7 +218,6 @@ class FrameBundle {
 
   const HeldOutTask& task_;
   const PoseNetwork& network_;
-  const double image_factor_ = std::max(1.0, task_.training.image_noise_factor);
   Bundle bundle_;
   std::map<int, int> places_;  // of board poses, from the network's
 };

@@ -52,7 +52,7 @@ class Warnings {
           "surveyed boards; errors are those of the fit, and promise too much");
     }
     if (report_.dof > 0 && report_.chi2_per_dof < 0.4) {
-      Say("errors are smaller than the stated sigmas explain (chi2/dof %.2f): "
+      Say("robot or survey err less than the stated sigmas explain (chi2/dof %.2f): "
           "what is predicted is too careful",
           report_.chi2_per_dof);
     }
@@ -210,6 +210,14 @@ Grade GradeOf(const QualityReport& report) {
   for (const ReportView& view : report.views) worst = std::max(worst, GradeOf(view));
   for (const ReportPair& pair : report.pairs) worst = std::max(worst, GradeOfLines(pair, report));
   return worst;
+}
+
+bool IsStable(const QualityReport& report) {
+  return report.refusal.empty() && std::ranges::none_of(report.views, [](const ReportView& view) {
+           return (view.repeatability &&
+                   GradeOf(*view.repeatability, view.predicted) == Grade::kBad) ||
+                  (view.halves && GradeOf(*view.halves) == Grade::kBad);
+         });
 }
 
 std::vector<std::string> WarningsOf(const QualityReport& report) { return Warnings(report).All(); }

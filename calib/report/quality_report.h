@@ -163,6 +163,10 @@ Grade GradeOfChi2(double chi2_per_dof);
 Grade GradeOf(const ReportView& view);
 Grade GradeOf(const QualityReport& report);
 
+// Whether there is a calibration that frames left out, and the halves of the session, do not
+// contradict.
+bool IsStable(const QualityReport& report);
+
 // What the report's figures give reason to warn of, one sentence each.
 std::vector<std::string> WarningsOf(const QualityReport& report);
 

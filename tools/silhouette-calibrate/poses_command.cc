@@ -167,17 +167,20 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
   ASSIGN_OR_RETURN(QualityReport report,
                    ReportOn(problem, sources, arguments.workspace, arguments.groups));
-  const bool refused = !report.refusal.empty();
-  if (refused) {
+  if (!report.refusal.empty()) {
     const std::string hint = HintOfUnit(sources);
     if (!hint.empty()) absl::StrAppend(&report.refusal, "; ", hint);
     std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
+  } else if (!IsStable(report)) {
+    std::cerr << "silhouette-calibrate: the calibration is not stable: other frames give another, "
+                 "as the report's warnings say; mend what they name, or add frames"
+              << std::endl;
   }
   ASSIGN_OR_RETURN(const auto files, WriteReport(report, sources, arguments.out, arguments.json));
   nlohmann::ordered_json json = ReportJson(report);
   json["files"] = files;
   PrintResult(arguments.format, json, ReportText(report) + TextOfFiles(files));
-  return refused ? kNo : kDone;
+  return IsStable(report) ? kDone : kNo;
 }
 
 }  // namespace
@@ -251,8 +254,8 @@ void AddReportCommand(CLI::App& program, Run& run) {
   AddFormatOption(*command, a.format);
   command->footer(
       "Reads the same files as `poses` and solves them again without parts of them: some seconds.\n"
-      "Exit code 1: the data give no calibration; the page states the reason and shows what was "
-      "seen.\n\n"
+      "Exit code 1: the data give no calibration, or one that other frames contradict; the page "
+      "states the reason and shows what was seen.\n\n"
       "Example:\n"
       "  silhouette-calibrate report --corners corners.csv --boards boards.yaml --cameras lenses "
       "\\\n"

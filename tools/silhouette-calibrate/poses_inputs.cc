@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <numbers>
 #include <random>
 
@@ -237,6 +238,8 @@ absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
 absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   PoseProblem problem;
   ASSIGN_OR_RETURN(problem.robot_noise, NoiseFrom(sources.robot_sigma));
+  problem.least_frames = sources.least_frames;
+  problem.size_trust = sources.size_trust;
   RETURN_IF_ERROR(ReadViews(sources, problem));
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
   ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
@@ -285,6 +288,18 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->needs(joints);
   command.add_option("--robot-sigma", s.robot_sigma,
                      "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");
+  command
+      .add_option("--least-frames", s.least_frames,
+                  "Refuse cameras that fewer poses of the robot hold, where no survey does")
+      ->check(CLI::Range(3, 100000))
+      ->capture_default_str();
+  command
+      .add_option("--trust-size", s.size_trust,
+                  "What counts if a board's size contradicts the robot's motion by 1 % and more: "
+                  "stated (the board's description) or found")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, SizeTrust>{
+          {"stated", SizeTrust::kStated}, {"found", SizeTrust::kFound}}))
+      ->option_text("stated|found");
   command.add_option("--flange-board", s.flange_board, "The board on the flange");
   command.add_option("--standing", s.standing_boards,
                      "A board that stands still in all frames, at an unknown pose");

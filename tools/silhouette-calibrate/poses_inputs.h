@@ -32,6 +32,8 @@ struct PoseSources {
   std::string survey;
   std::string eye_in_hand;
   std::string robot_sigma;  // "0.2mm,0.02deg"
+  SizeTrust size_trust = SizeTrust::kNeither;
+  int least_frames = PoseProblem().least_frames;
 };
 
 // InvalidArgument or NotFound in a sentence, with file and line where a file is wrong.

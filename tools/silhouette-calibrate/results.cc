@@ -153,6 +153,7 @@ Json JsonOf(const SolvedBoard& board) {
   Json json = {{"name", board.name}, {"place", NameOf(board.place)}};
   json[board.place == BoardPlace::kFlange ? "flange_from_board" : "base_from_board"] =
       JsonOf(board.pose);
+  json["size"] = board.size;
   json["position_sigma_mm"] = PositionSigma(board) / kMm;
   json["rotation_sigma_deg"] = RotationSigma(board.covariance) / kDegree;
   if (board.place == BoardPlace::kSurveyed) {
@@ -351,7 +352,14 @@ Json PosesJson(const PoseSolution& solution) {
                {"views", Json::array()},
                {"boards", Json::array()},
                {"frames", Json::array()},
+               {"noise", Json::array()},
                {"warnings", solution.warnings}};
+  for (const SolvedNoise& noise : solution.noise) {
+    json["noise"].push_back({{"view", noise.view},
+                             {"board", noise.board},
+                             {"stated_px", noise.stated},
+                             {"px", noise.sigma}});
+  }
   for (const SolvedView& view : solution.views) json["views"].push_back(JsonOf(view));
   for (const SolvedBoard& board : solution.boards) json["boards"].push_back(JsonOf(board));
   for (const SolvedFrame& frame : solution.frames) json["frames"].push_back(JsonOf(frame));
@@ -377,7 +385,9 @@ std::string PosesText(const PoseSolution& solution) {
                           board.place == BoardPlace::kFlange ? "flange" : "base",
                           PositionSigma(board) / kMm);
   }
-  absl::StrAppendFormat(&text, "chi2/dof %.2f with the stated sigmas, %d degrees of freedom\n",
+  absl::StrAppendFormat(&text,
+                        "chi2/dof %.2f with the stated sigmas of robot and survey, "
+                        "%d degrees of freedom\n",
                         solution.chi2_per_dof, solution.dof);
   return text + TextOfWarnings(solution.warnings);
 }

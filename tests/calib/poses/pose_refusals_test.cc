@@ -91,6 +91,29 @@ TEST(PoseRefusals, AWrongTagSizeIsToldByTheRobotsMotion) {
   }
 }
 
+TEST(PoseRefusals, WhatCountsOfAWrongTagSizeCanBeStated) {
+  for (const double said : {0.1, 0.118}) {
+    PoseRig rig = FlangeRig(7, 4, 18);
+    BoardDescription board = rig.problem.boards[0].board.description();
+    board.tag_size = said;
+    rig.problem.boards[0].board = Board(board);
+    rig.problem.size_trust = SizeTrust::kFound;
+    const absl::StatusOr<PoseSolution> found = CalibratePoses(rig.problem);
+    ASSERT_TRUE(found.ok()) << found.status();
+    EXPECT_THAT(found->warnings,
+                Contains(AllOf(HasSubstr("measure 1"), HasSubstr("--trust-size found"))));
+    EXPECT_NEAR(found->boards[0].size * said, 0.12, 1e-4);
+    EXPECT_LT(PoseError(found->views[0].camera_pose, rig.camera_poses[0]).tail<3>().norm(), 3e-3);
+  }
+  PoseRig rig = FlangeRig(7, 4, 18);
+  BoardDescription board = rig.problem.boards[0].board.description();
+  board.tag_size = 0.118;
+  rig.problem.boards[0].board = Board(board);
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("--trust-size"));
+  rig.problem.size_trust = SizeTrust::kStated;
+  EXPECT_THAT(Warnings(rig.problem), Contains(HasSubstr("mm elsewhere")));
+}
+
 TEST(PoseRefusals, ATagThatIsALittleLargerIsMentioned) {
   PoseRig rig = FlangeRig(7, 4, 18);
   BoardDescription board = rig.problem.boards[0].board.description();
@@ -175,14 +198,14 @@ TEST(PoseRefusals, DataThatNothingExplainsAreRefused) {
   EXPECT_THAT(Refusal(rig.problem), HasSubstr("contradict"));
 }
 
-TEST(PoseRefusals, SingleBadCornersAndPosesAreLeftOutAndNamed) {
+TEST(PoseRefusals, ATagWithABadCornerIsLeftOutAsAWholeAndABadPoseToo) {
   PoseRig rig = FlangeRig(7, 4, 18);
   rig.problem.sightings[5].corners[2].x() += 4;
   rig.problem.robot_poses[9].base_from_flange.translation().x() += 0.01;
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
   ASSERT_TRUE(solution.ok()) << solution.status();
   EXPECT_THAT(solution->warnings,
-              Contains(HasSubstr("'" + rig.problem.sightings[5].frame + "' (1)")));
+              Contains(HasSubstr("'" + rig.problem.sightings[5].frame + "' (4)")));
   EXPECT_THAT(solution->warnings, Contains(AllOf(HasSubstr("the robot stood elsewhere"),
                                                  HasSubstr(rig.problem.robot_poses[9].frame))));
   for (size_t i = 0; i < solution->views.size(); ++i) {

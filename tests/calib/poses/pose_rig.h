@@ -4,9 +4,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calib/poses/pose_problem.h"
@@ -38,6 +42,10 @@ class PoseRig {
   }
 
   double corner_sigma = 0.05;  // pixels
+  // What the model does not know: by how much corners are printed elsewhere than described, metres,
+  // and how the lenses really distort.
+  double print_sigma = 0;
+  std::optional<std::array<double, 8>> true_distortion;
   PoseProblem problem;
   std::vector<Eigen::Isometry3d> camera_poses;  // true ones, as in SolvedView
   std::vector<Eigen::Isometry3d> board_poses;   // true ones, of boards that are not loose
@@ -176,7 +184,9 @@ class PoseRig {
              const Eigen::Isometry3d& camera_from_board) {
     const Eigen::Vector3d ahead = camera_from_board.linear().col(2);
     const Board& shown = problem.boards[board].board;
-    const CameraModel camera(problem.views[view].lens, camera_from_board);
+    CameraIntrinsics lens = problem.views[view].lens;
+    if (true_distortion) lens.distortion = *true_distortion;
+    const CameraModel camera(lens, camera_from_board);
     for (int tag = shown.first_mark(); shown.HasTag(tag); ++tag) {
       TagSighting seen{.frame = frame,
                        .view = problem.views[view].name,
@@ -185,7 +195,8 @@ class PoseRig {
                        .sigma = corner_sigma};
       bool visible = true;
       for (const Eigen::Vector3d& point : shown.CornersOf(tag)) {
-        const auto pixel = camera.Project(point);
+        const auto pixel =
+            camera.Project(point + PrintError(tag, static_cast<int>(seen.corners.size())));
         visible = visible && pixel && camera.Contains(*pixel) &&
                   ahead.dot((camera_from_board * point).normalized()) > 0.35;
         if (!visible) break;
@@ -196,8 +207,16 @@ class PoseRig {
     }
   }
 
+  Eigen::Vector3d PrintError(int tag, int corner) {
+    if (print_sigma == 0) return Eigen::Vector3d::Zero();
+    const auto [place, added] = print_errors_.try_emplace({tag, corner}, 0, 0, 0);
+    if (added) place->second = {Normal(print_sigma), Normal(print_sigma), Normal(print_sigma)};
+    return place->second;
+  }
+
   std::mt19937 random_;
   int next_tag_ = 0;
+  std::map<std::pair<int, int>, Eigen::Vector3d> print_errors_;
 };
 
 // A session with the board on the flange.

@@ -69,7 +69,7 @@ TEST(ReportPage, WarningsComeFirst) {
   const QualityReport& report = SomeReport();
   ASSERT_FALSE(report.warnings.empty());
   const std::string html = ReportHtml(report, {});
-  EXPECT_LT(html.find("corners that do not fit were left out"), html.find("Held-out corners"));
+  EXPECT_LT(html.find("tags that do not fit were left out"), html.find("Held-out corners"));
 }
 
 TEST(ReportPage, OfARefusalSaysWhyAndWhatWasSeen) {
