@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/answers.h"
+#include "server/service/calls.h"
 
 #include <spdlog/spdlog.h>
 
@@ -33,8 +34,8 @@ constexpr int kFewChecks = 64;
 
 absl::Status AtMost(int limit, int count, const std::string& field) {
   if (count <= limit) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrCat(field, ": there are ", count, "; ask for at most ", limit, " at once"));
+  return FieldError(field,
+                    absl::StrCat("there are ", count, "; ask for at most ", limit, " at once"));
 }
 
 absl::StatusOr<std::vector<Configuration>> ConfigurationsFrom(
@@ -90,12 +91,10 @@ void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occ
 absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
                            const Stop& cancelled, v1::CheckConfigurationsResponse* response) {
   if (!request.configurations().empty()) {
-    return absl::InvalidArgumentError(
-        "numbers: ask for numbers or for configurations, not for both at once");
+    return FieldError("numbers", "ask for numbers or for configurations, not for both at once");
   }
   if (request.include_clearance()) {
-    return absl::InvalidArgumentError(
-        "include_clearance: clearances are for configurations, not for numbers");
+    return FieldError("include_clearance", "clearances are for configurations, not for numbers");
   }
   RETURN_IF_ERROR(AtMost(kMaxNumbers, request.numbers_size(), "numbers"));
   ASSIGN_OR_RETURN(const Served served,
@@ -229,9 +228,9 @@ absl::StatusOr<double> PathResolutionOf(const v1::CheckPathRequest& request) {
   if (!request.has_path_resolution()) return kMotionResolution;
   const double resolution = request.path_resolution();
   if (resolution >= kLeastPathResolution && resolution <= kMostPathResolution) return resolution;
-  return absl::InvalidArgumentError(absl::StrCat("path_resolution: it is ", resolution,
-                                                 " m; state ", kLeastPathResolution, " to ",
-                                                 kMostPathResolution, " m"));
+  return FieldError("path_resolution",
+                    absl::StrCat("it is ", resolution, " m; state ", kLeastPathResolution, " to ",
+                                 kMostPathResolution, " m"));
 }
 
 // How many checks the request may take.
@@ -265,7 +264,7 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
   ASSIGN_OR_RETURN(const auto waypoints, ConfigurationsFrom(request.waypoints(), database.grid(),
                                                             "waypoints", kMaxWaypoints));
   if (waypoints.empty()) {
-    return absl::InvalidArgumentError("waypoints: a path has at least one");
+    return FieldError("waypoints", "a path has at least one");
   }
   ASSIGN_OR_RETURN(const double resolution, PathResolutionOf(request));
   std::vector<ViewEvidence> evidence(static_cast<size_t>(database.views()));

@@ -86,6 +86,34 @@ void TellScene(const Serving& serving, Families& to) {
            static_cast<double>(scene->defects.size()));
 }
 
+// The client of all of them is bounded in number by Clients, and in length by what an address is.
+void TellClients(const Serving& serving, Families& to) {
+  const std::vector<ClientCounts> clients = serving.clients.Counts();
+  const auto of = [](const ClientCounts& client) {
+    return Labels{{.name = "client", .value = client.client}};
+  };
+  for (const ClientCounts& client : clients) {
+    to.Counter("silhouette_client_calls_total", "Calls and questions of streams", client.calls,
+               of(client));
+  }
+  for (const ClientCounts& client : clients) {
+    to.Gauge("silhouette_client_connections", "Open connections", client.connections, of(client));
+  }
+  for (const ClientCounts& client : clients) {
+    to.Gauge("silhouette_client_streams", "Open watches and streams of checks", client.streams,
+             of(client));
+  }
+  for (const ClientCounts& client : clients) {
+    for (size_t limit = 0; limit < kLimits; ++limit) {
+      if (client.refused[limit] == 0) continue;
+      Labels labels = of(client);
+      labels.push_back({.name = "limit", .value = NameOf(static_cast<Limit>(limit))});
+      to.Counter("silhouette_client_refused_total", "Calls and connections refused by a limit",
+                 client.refused[limit], std::move(labels));
+    }
+  }
+}
+
 void TellVerdicts(const Serving& serving, Families& to) {
   serving.verdicts.ForEach([&](State state, Reason reason, uint64_t verdicts) {
     Labels labels = {{.name = "verdict", .value = NameOf(state)}};
@@ -151,6 +179,7 @@ class Collected : public prometheus::Collectable {
     Families families;
     TellScene(serving_, families);
     TellVerdicts(serving_, families);
+    TellClients(serving_, families);
     if (serving_.settings.live != nullptr) {
       TellAcquisition(serving_.settings.live->Status(), families);
       TellVariant(serving_, families);

@@ -8,20 +8,17 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "db/status/status_macros.h"
+#include "server/service/calls.h"
 
 namespace silhouette {
 namespace {
-
-absl::Status InField(const std::string& field, const std::string& message) {
-  return absl::InvalidArgumentError(absl::StrCat(field, ": ", message));
-}
 
 absl::StatusOr<absl::Time> TimeFrom(const google::protobuf::Timestamp& message,
                                     const std::string& field) {
   constexpr int64_t kYear10000 = 253'402'300'800;
   if (message.seconds() < 0 || message.seconds() >= kYear10000 || message.nanos() < 0 ||
       message.nanos() > 999'999'999) {
-    return InField(field, "it is not a time after 1970");
+    return FieldError(field, "it is not a time after 1970");
   }
   return absl::FromUnixSeconds(message.seconds()) + absl::Nanoseconds(message.nanos());
 }
@@ -32,7 +29,7 @@ absl::StatusOr<Mask> MaskFrom(const v1::Mask& message, const std::string& field)
     return Mask::FromBytes({message.width(), message.height()},
                            {reinterpret_cast<const uint8_t*>(bits.data()), bits.size()});
   } catch (const std::invalid_argument& error) {
-    return InField(field, error.what());
+    return FieldError(field, error.what());
   }
 }
 
@@ -49,7 +46,8 @@ absl::StatusOr<std::optional<Moment>> CaptureFrom(const v1::ViewImage& message,
   constexpr int64_t kTenThousandYears = 315'576'000'000;
   const int64_t seconds = message.server_clock().seconds();
   if (seconds > kTenThousandYears || seconds < -kTenThousandYears) {
-    return InField(absl::StrCat(field, ".server_clock"), "it is not a time of the server's clock");
+    return FieldError(absl::StrCat(field, ".server_clock"),
+                      "it is not a time of the server's clock");
   }
   const absl::Duration clock = DurationFrom(message.server_clock());
   const absl::Duration ago = arrived.running - clock;
@@ -68,9 +66,9 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const Scen
   input.view = message.view();
   ASSIGN_OR_RETURN(input.captured, CaptureFrom(message, arrived, field));
   if (!input.captured && !settings.accept_arrival_times) {
-    return InField(field,
-                   "the image has no capture time, and one that was held up is older than its "
-                   "arrival says; state server_clock or capture_time");
+    return FieldError(field,
+                      "the image has no capture time, and one that was held up is older than its "
+                      "arrival says; state server_clock or capture_time");
   }
   switch (message.image_case()) {
     case v1::ViewImage::kSceneMask: {
@@ -91,7 +89,7 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const Scen
     case v1::ViewImage::IMAGE_NOT_SET:
       break;
   }
-  return InField(field, "give one of scene_mask, camera_image and obstacle_mask");
+  return FieldError(field, "give one of scene_mask, camera_image and obstacle_mask");
 }
 
 absl::StatusOr<Mask> PixelsFrom(const v1::RegionPixels& message, MaskSize size,
@@ -103,13 +101,14 @@ absl::StatusOr<Mask> PixelsFrom(const v1::RegionPixels& message, MaskSize size,
     }
     absl::StatusOr<Mask> mask = PixelsInPolygon(size, corners);
     if (mask.ok()) return mask;
-    return InField(field + ".polygon", std::string(mask.status().message()));
+    return FieldError(field + ".polygon", std::string(mask.status().message()));
   }
-  if (!message.has_mask()) return InField(field, "give one of mask and polygon");
+  if (!message.has_mask()) return FieldError(field, "give one of mask and polygon");
   absl::StatusOr<Mask> mask = MaskFrom(message.mask(), field + ".mask");
   if (!mask.ok() || mask->size() == size) return mask;
-  return InField(field + ".mask", absl::StrCat("it is ", mask->width(), "x", mask->height(),
-                                               ", and should be ", size.width, "x", size.height));
+  return FieldError(field + ".mask",
+                    absl::StrCat("it is ", mask->width(), "x", mask->height(), ", and should be ",
+                                 size.width, "x", size.height));
 }
 
 std::string NamesOfPresets() {
@@ -129,7 +128,7 @@ absl::Status SetOffGrid(const v1::Policy& message, Policy& policy) {
       policy.off_grid = OffGrid::kNearest;
       return absl::OkStatus();
     default:
-      return InField("policy.off_grid", "this server does not know the value");
+      return FieldError("policy.off_grid", "this server does not know the value");
   }
 }
 
@@ -140,8 +139,9 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
   if (!message.preset().empty()) {
     const std::optional<Preset> preset = PresetFromName(message.preset());
     if (!preset) {
-      return InField("policy.preset", absl::StrCat("'", message.preset(),
-                                                   "' is unknown; known are ", NamesOfPresets()));
+      return FieldError(
+          "policy.preset",
+          absl::StrCat("'", message.preset(), "' is unknown; known are ", NamesOfPresets()));
     }
     policy.preset = *preset;
     // What the server says of its default preset went with it.
@@ -149,7 +149,7 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
   }
   if (message.has_max_occluded_views()) {
     if (policy.preset != Preset::kUncalibrated) {
-      return InField("policy.max_occluded_views", "it goes with the preset 'uncalibrated'");
+      return FieldError("policy.max_occluded_views", "it goes with the preset 'uncalibrated'");
     }
     policy.max_occluded_views = message.max_occluded_views();
     policy.min_views.reset();
@@ -159,7 +159,7 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
   try {
     MinViews(policy, views);
   } catch (const std::invalid_argument& error) {
-    return InField("policy", error.what());
+    return FieldError("policy", error.what());
   }
   return policy;
 }
@@ -174,8 +174,8 @@ absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message
   for (const GridJoint& joint : grid.joints()) {
     absl::StrAppend(&joints, joints.empty() ? "" : ", ", joint.name);
   }
-  return InField(field, absl::StrCat("it has ", message.positions_size(),
-                                     " positions and takes one for each of ", joints));
+  return FieldError(field, absl::StrCat("it has ", message.positions_size(),
+                                        " positions and takes one for each of ", joints));
 }
 
 absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message,
@@ -200,9 +200,9 @@ absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
     const v1::RegionPixels& given = message.views(i);
     const std::string field = absl::StrCat("views[", i, "] '", given.view(), "'");
     const std::optional<int> view = database.ViewOf(given.view());
-    if (!view) return InField(field, "the cell has no such view");
+    if (!view) return FieldError(field, "the cell has no such view");
     std::optional<Mask>& known = pixels[static_cast<size_t>(*view)];
-    if (known) return InField(field, "the view is given twice");
+    if (known) return FieldError(field, "the view is given twice");
     ASSIGN_OR_RETURN(
         Mask mask,
         PixelsFrom(given, database.robot_images().mask_sizes()[static_cast<size_t>(*view)], field));

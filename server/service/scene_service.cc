@@ -13,6 +13,7 @@
 #include "server/gate/caller.h"
 #include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
+#include "server/service/calls.h"
 #include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
@@ -44,9 +45,8 @@ absl::Status CheckChange(const v1::ChangeVariantRequest& request,
   if (request.changing() || std::ranges::find(variants, request.variant()) != variants.end()) {
     return absl::OkStatus();
   }
-  return absl::InvalidArgumentError(absl::StrCat("variant: the database has no variant '",
-                                                 request.variant(), "'; its variants are ",
-                                                 absl::StrJoin(variants, ", ")));
+  return FieldError("variant", absl::StrCat("the database has no variant '", request.variant(),
+                                            "'; its variants are ", absl::StrJoin(variants, ", ")));
 }
 
 // Of scenes that are older than what is known now.
@@ -57,151 +57,199 @@ std::string WhyWithdrawn(const KnownVariant& known, const std::vector<std::strin
                       "'; wait for the next scene");
 }
 
+using v1::SceneService;
+// Its methods take and return bytes (calls.h).
+using SceneCalls = SceneService::WithRawCallbackMethod_PublishScene<
+    SceneService::WithRawCallbackMethod_GetScene<SceneService::WithRawCallbackMethod_GetAcquisition<
+        SceneService::WithRawCallbackMethod_ChangeVariant<
+            SceneService::WithRawCallbackMethod_AllowRegion<
+                SceneService::WithRawCallbackMethod_RevokeRegion<
+                    SceneService::WithRawCallbackMethod_ListAllowedRegions<
+                        SceneService::Service>>>>>>>;
+using DatabaseCalls =
+    v1::DatabaseService::WithRawCallbackMethod_GetDatabase<v1::DatabaseService::Service>;
+
 // What the owner of the cameras calls.
-class SceneService final : public v1::SceneService::CallbackService {
+class Scenes final : public SceneCalls {
  public:
-  explicit SceneService(Serving& serving) : serving_(serving) {}
+  explicit Scenes(Serving& serving) : serving_(serving) {}
 
   grpc::ServerUnaryReactor* PublishScene(grpc::CallbackServerContext* context,
-                                         const v1::PublishSceneRequest* request,
-                                         v1::PublishSceneResponse* response) override {
+                                         const grpc::ByteBuffer* in,
+                                         grpc::ByteBuffer* out) override {
     const Moment arrived = serving_.settings.clock();
     if (serving_.settings.live != nullptr) {
-      return AnswerHere(context, [] {
+      return AnswerHere(serving_, context, [] {
         return absl::FailedPreconditionError(
             "the server takes images of the cell itself (--live), and scenes of two sources must "
             "not "
             "mix; start it without --live to publish scenes");
       });
     }
-    return AnswerOnWorker(serving_, context, [=, this]() -> absl::Status {
-      const ServingSettings& settings = serving_.settings;
-      ASSIGN_OR_RETURN(const SceneInput input, SceneInputFrom(*request, settings.scene, arrived));
-      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-      ASSIGN_OR_RETURN(Scene scene,
-                       MakeScene(*database, input, settings.scene, settings.segmentation, arrived));
-      ASSIGN_OR_RETURN(const SharedScene published,
-                       serving_.publisher.Publish(std::move(scene), database));
-      serving_.AuditFirst(CallerOf(*context), "scene.source", "publishes scenes");
-      ToMessage(*published, /*include_planes=*/false,
-                DefectsOf(*published, settings, settings.clock()), response->mutable_scene());
-      return absl::OkStatus();
-    });
+    return AnswerOn(
+        serving_.scene_workers, serving_, context, *in,
+        OnBytes<v1::PublishSceneRequest, v1::PublishSceneResponse>(
+            in, out,
+            [this, arrived, context](const v1::PublishSceneRequest& request,
+                                     v1::PublishSceneResponse* response) -> absl::Status {
+              const ServingSettings& settings = serving_.settings;
+              ASSIGN_OR_RETURN(const SceneInput input,
+                               SceneInputFrom(request, settings.scene, arrived));
+              const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+              ASSIGN_OR_RETURN(Scene scene, MakeScene(*database, input, settings.scene,
+                                                      settings.segmentation, arrived));
+              ASSIGN_OR_RETURN(const SharedScene published,
+                               serving_.publisher.Publish(std::move(scene), database));
+              serving_.AuditFirst(CallerOf(*context), "scene.source", "publishes scenes");
+              ToMessage(*published, /*include_planes=*/false,
+                        DefectsOf(*published, settings, settings.clock()),
+                        response->mutable_scene());
+              return absl::OkStatus();
+            }));
   }
 
   grpc::ServerUnaryReactor* GetScene(grpc::CallbackServerContext* context,
-                                     const v1::GetSceneRequest* request,
-                                     v1::GetSceneResponse* response) override {
-    const auto work = [this, request, response]() -> absl::Status {
-      const SharedScene scene = serving_.scenes.Find(request->id());
-      if (scene == nullptr) {
-        if (request->id() != 0) {
-          return absl::NotFoundError(
-              absl::StrCat("there is no scene ", request->id(), ", or no longer"));
-        }
-        return absl::NotFoundError(WhyNoScene(Reason::kNoScene, serving_.settings));
-      }
-      const ServingSettings& settings = serving_.settings;
-      ToMessage(*scene, request->include_planes(), DefectsOf(*scene, settings, settings.clock()),
-                response->mutable_scene());
-      return absl::OkStatus();
-    };
-    return request->include_planes() ? AnswerOnWorker(serving_, context, work)
-                                     : AnswerHere(context, work);
+                                     const grpc::ByteBuffer* in, grpc::ByteBuffer* out) override {
+    const auto work = OnBytes<v1::GetSceneRequest, v1::GetSceneResponse>(
+        in, out,
+        [this](const v1::GetSceneRequest& request, v1::GetSceneResponse* response) -> absl::Status {
+          const SharedScene scene = serving_.scenes.Find(request.id());
+          if (scene == nullptr) {
+            if (request.id() != 0) {
+              return absl::NotFoundError(
+                  absl::StrCat("there is no scene ", request.id(), ", or no longer"));
+            }
+            return absl::NotFoundError(WhyNoScene(Reason::kNoScene, serving_.settings));
+          }
+          const ServingSettings& settings = serving_.settings;
+          ToMessage(*scene, request.include_planes(), DefectsOf(*scene, settings, settings.clock()),
+                    response->mutable_scene());
+          return absl::OkStatus();
+        });
+    return AnswerOn(serving_.scene_workers, serving_, context, *in, work);
   }
 
   grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,
-                                           const v1::GetAcquisitionRequest*,
-                                           v1::GetAcquisitionResponse* response) override {
-    return AnswerHere(context, [this, response]() -> absl::Status {
-      if (serving_.settings.live == nullptr) {
-        return absl::FailedPreconditionError(
-            "the server does not take images of the cell itself; start it with --live");
-      }
-      ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
-      ToMessage(serving_.settings.live->known_variant(), serving_.scenes.database()->variants(),
-                response->mutable_acquisition()->mutable_robot_variant());
-      return absl::OkStatus();
-    });
+                                           const grpc::ByteBuffer* in,
+                                           grpc::ByteBuffer* out) override {
+    return AnswerHere(
+        serving_, context,
+        OnBytes<v1::GetAcquisitionRequest, v1::GetAcquisitionResponse>(
+            in, out,
+            [this](const v1::GetAcquisitionRequest&,
+                   v1::GetAcquisitionResponse* response) -> absl::Status {
+              if (serving_.settings.live == nullptr) {
+                return absl::FailedPreconditionError(
+                    "the server does not take images of the cell itself; start it with --live");
+              }
+              ToMessage(serving_.settings.live->Status(), response->mutable_acquisition());
+              ToMessage(serving_.settings.live->known_variant(),
+                        serving_.scenes.database()->variants(),
+                        response->mutable_acquisition()->mutable_robot_variant());
+              return absl::OkStatus();
+            }));
   }
 
   grpc::ServerUnaryReactor* ChangeVariant(grpc::CallbackServerContext* context,
-                                          const v1::ChangeVariantRequest* request,
-                                          v1::ChangeVariantResponse* response) override {
+                                          const grpc::ByteBuffer* in,
+                                          grpc::ByteBuffer* out) override {
     const Moment arrived = serving_.settings.clock();
-    return AnswerHere(context, [=, this]() -> absl::Status {
-      const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
-      if (live == nullptr) {
-        return absl::FailedPreconditionError(
-            "the server does not take images of the cell itself (--live); publish scenes that name "
-            "their variant");
-      }
-      const std::vector<std::string> variants = serving_.scenes.database()->variants();
-      RETURN_IF_ERROR(CheckChange(*request, variants));
-      const std::lock_guard lock(changing_variant_);
-      const bool is_new = request->changing()
-                              ? live->TellVariantChanging()
-                              : live->TellVariant(request->variant(), arrived.running);
-      const KnownVariant known = live->known_variant();
-      if (is_new) {
-        serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
-        spdlog::info("{} reports that the robot's variant {}", context->peer(),
-                     request->changing() ? "is changing" : "is '" + request->variant() + "'");
-        serving_.Audit(CallerOf(*context), "variant.change",
-                       request->changing() ? "is changing" : "is '" + request->variant() + "'");
-      }
-      ToMessage(known, variants, response->mutable_robot_variant());
-      response->set_last_scene_before(serving_.scenes.last_withdrawn());
-      return absl::OkStatus();
-    });
+    return AnswerHere(
+        serving_, context,
+        OnBytes<v1::ChangeVariantRequest, v1::ChangeVariantResponse>(
+            in, out,
+            [=, this](const v1::ChangeVariantRequest& request,
+                      v1::ChangeVariantResponse* response) -> absl::Status {
+              const std::shared_ptr<LiveRecord>& live = serving_.settings.live;
+              if (live == nullptr) {
+                return absl::FailedPreconditionError(
+                    "the server does not take images of the cell itself (--live); publish scenes "
+                    "that name "
+                    "their variant");
+              }
+              const std::vector<std::string> variants = serving_.scenes.database()->variants();
+              RETURN_IF_ERROR(CheckChange(request, variants));
+              const std::lock_guard lock(changing_variant_);
+              const bool is_new = request.changing()
+                                      ? live->TellVariantChanging()
+                                      : live->TellVariant(request.variant(), arrived.running);
+              const KnownVariant known = live->known_variant();
+              if (is_new) {
+                serving_.scenes.Withdraw(WhyWithdrawn(known, variants), serving_.settings.clock());
+                spdlog::info("{} reports that the robot's variant {}", context->peer(),
+                             request.changing() ? "is changing" : "is '" + request.variant() + "'");
+                serving_.Audit(
+                    CallerOf(*context), "variant.change",
+                    request.changing() ? "is changing" : "is '" + request.variant() + "'");
+              }
+              ToMessage(known, variants, response->mutable_robot_variant());
+              response->set_last_scene_before(serving_.scenes.last_withdrawn());
+              return absl::OkStatus();
+            }));
   }
 
   grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
-                                        const v1::AllowRegionRequest* request,
-                                        v1::AllowRegionResponse* response) override {
+                                        const grpc::ByteBuffer* in,
+                                        grpc::ByteBuffer* out) override {
     const Moment now = serving_.settings.clock();
-    return AnswerOnWorker(serving_, context, [=, this]() -> absl::Status {
-      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-      ASSIGN_OR_RETURN(auto pixels, RegionPixelsFrom(*request, *database));
-      ASSIGN_OR_RETURN(const AllowedRegion region,
-                       serving_.scenes.Allow(request->name(), std::move(pixels),
-                                             DurationFrom(request->duration()), now, database));
-      spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region.name,
-                   absl::FormatDuration(region.end - now.running), PixelCounts(region, *database));
-      serving_.Audit(
-          CallerOf(*context), "region.allow",
-          absl::StrCat("'", region.name, "' for ", absl::FormatDuration(region.end - now.running),
-                       ": ", PixelCounts(region, *database)));
-      ToMessage(region, *database, serving_.settings.clock(), response->mutable_region());
-      return absl::OkStatus();
-    });
+    return AnswerOn(
+        serving_.scene_workers, serving_, context, *in,
+        OnBytes<v1::AllowRegionRequest, v1::AllowRegionResponse>(
+            in, out,
+            [=, this](const v1::AllowRegionRequest& request,
+                      v1::AllowRegionResponse* response) -> absl::Status {
+              const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+              ASSIGN_OR_RETURN(auto pixels, RegionPixelsFrom(request, *database));
+              ASSIGN_OR_RETURN(
+                  const AllowedRegion region,
+                  serving_.scenes.Allow(request.name(), std::move(pixels),
+                                        DurationFrom(request.duration()), now, database));
+              spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region.name,
+                           absl::FormatDuration(region.end - now.running),
+                           PixelCounts(region, *database));
+              serving_.Audit(CallerOf(*context), "region.allow",
+                             absl::StrCat("'", region.name, "' for ",
+                                          absl::FormatDuration(region.end - now.running), ": ",
+                                          PixelCounts(region, *database)));
+              ToMessage(region, *database, serving_.settings.clock(), response->mutable_region());
+              return absl::OkStatus();
+            }));
   }
 
   grpc::ServerUnaryReactor* RevokeRegion(grpc::CallbackServerContext* context,
-                                         const v1::RevokeRegionRequest* request,
-                                         v1::RevokeRegionResponse* response) override {
-    return AnswerHere(context, [=, this] {
-      const bool was_in_force = serving_.scenes.Revoke(request->name(), serving_.settings.clock());
-      if (was_in_force) {
-        spdlog::info("{} revokes region '{}'", context->peer(), request->name());
-        serving_.Audit(CallerOf(*context), "region.revoke", "'" + request->name() + "'");
-      }
-      response->set_was_in_force(was_in_force);
-      return absl::OkStatus();
-    });
+                                         const grpc::ByteBuffer* in,
+                                         grpc::ByteBuffer* out) override {
+    return AnswerHere(
+        serving_, context,
+        OnBytes<v1::RevokeRegionRequest, v1::RevokeRegionResponse>(
+            in, out,
+            [=, this](const v1::RevokeRegionRequest& request, v1::RevokeRegionResponse* response) {
+              const bool was_in_force =
+                  serving_.scenes.Revoke(request.name(), serving_.settings.clock());
+              if (was_in_force) {
+                spdlog::info("{} revokes region '{}'", context->peer(), request.name());
+                serving_.Audit(CallerOf(*context), "region.revoke", "'" + request.name() + "'");
+              }
+              response->set_was_in_force(was_in_force);
+              return absl::OkStatus();
+            }));
   }
 
   grpc::ServerUnaryReactor* ListAllowedRegions(grpc::CallbackServerContext* context,
-                                               const v1::ListAllowedRegionsRequest*,
-                                               v1::ListAllowedRegionsResponse* response) override {
-    return AnswerHere(context, [this, response] {
-      const Moment now = serving_.settings.clock();
-      const Served served = serving_.scenes.Newest(now);
-      for (const AllowedRegion& region : served.regions->regions) {
-        ToMessage(region, *served.database, now, response->add_regions());
-      }
-      return absl::OkStatus();
-    });
+                                               const grpc::ByteBuffer* in,
+                                               grpc::ByteBuffer* out) override {
+    return AnswerHere(
+        serving_, context,
+        OnBytes<v1::ListAllowedRegionsRequest, v1::ListAllowedRegionsResponse>(
+            in, out,
+            [this](const v1::ListAllowedRegionsRequest&, v1::ListAllowedRegionsResponse* response) {
+              const Moment now = serving_.settings.clock();
+              const Served served = serving_.scenes.Newest(now);
+              for (const AllowedRegion& region : served.regions->regions) {
+                ToMessage(region, *served.database, now, response->add_regions());
+              }
+              return absl::OkStatus();
+            }));
   }
 
  private:
@@ -211,29 +259,34 @@ class SceneService final : public v1::SceneService::CallbackService {
 };
 
 // What the served database is.
-class DatabaseService final : public v1::DatabaseService::CallbackService {
+class Databases final : public DatabaseCalls {
  public:
-  explicit DatabaseService(Serving& serving) : serving_(serving) {}
+  explicit Databases(Serving& serving) : serving_(serving) {}
 
   grpc::ServerUnaryReactor* GetDatabase(grpc::CallbackServerContext* context,
-                                        const v1::GetDatabaseRequest*,
-                                        v1::GetDatabaseResponse* response) override {
-    return AnswerHere(context, [this, response] {
-      const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-      ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
-      if (const auto trust = serving_.scenes.trust()) {
-        Served served;
-        served.database = database;
-        served.trust = trust;
-        const bool holds = CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
-        v1::CalibrationCheck& check = *response->mutable_calibration_check();
-        check.set_holds(holds);
-        check.set_message(trust->holds && !holds
-                              ? "the check is too old, or of another calibration: " + trust->message
-                              : trust->message);
-      }
-      return absl::OkStatus();
-    });
+                                        const grpc::ByteBuffer* in,
+                                        grpc::ByteBuffer* out) override {
+    return AnswerHere(
+        serving_, context,
+        OnBytes<v1::GetDatabaseRequest, v1::GetDatabaseResponse>(
+            in, out, [this](const v1::GetDatabaseRequest&, v1::GetDatabaseResponse* response) {
+              const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+              ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
+              if (const auto trust = serving_.scenes.trust()) {
+                Served served;
+                served.database = database;
+                served.trust = trust;
+                const bool holds =
+                    CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
+                v1::CalibrationCheck& check = *response->mutable_calibration_check();
+                check.set_holds(holds);
+                check.set_message(trust->holds && !holds
+                                      ? "the check is too old, or of another calibration: " +
+                                            trust->message
+                                      : trust->message);
+              }
+              return absl::OkStatus();
+            }));
   }
 
  private:
@@ -243,11 +296,11 @@ class DatabaseService final : public v1::DatabaseService::CallbackService {
 }  // namespace
 
 std::unique_ptr<grpc::Service> NewSceneService(Serving& serving) {
-  return std::make_unique<SceneService>(serving);
+  return std::make_unique<Scenes>(serving);
 }
 
 std::unique_ptr<grpc::Service> NewDatabaseService(Serving& serving) {
-  return std::make_unique<DatabaseService>(serving);
+  return std::make_unique<Databases>(serving);
 }
 
 }  // namespace silhouette

@@ -10,6 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "server/service/calls.h"
 #include "server/service/messages.h"
 
 namespace silhouette {
@@ -44,7 +45,7 @@ absl::StatusOr<SeparationSettings> SettingsFrom(const v1::SeparationPolicy& mess
   try {
     RequireValid(settings);
   } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(absl::StrCat("separation: ", error.what()));
+    return FieldError("separation", error.what());
   }
   if (message.has_horizon() && !(message.horizon() >= 0)) {
     return absl::InvalidArgumentError("separation.horizon: it must not be negative");

@@ -1,29 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/server.h"
 
+#include <google/protobuf/stubs/logging.h>
 #include <grpcpp/health_check_service_interface.h>
+#include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
-#include <netdb.h>
-#include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
-#include <unistd.h>
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstring>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
+#include "server/service/calls.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -32,101 +27,8 @@ namespace silhouette {
 
 namespace {
 
-class Socket {
- public:
-  explicit Socket(int family) : descriptor_(socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0)) {}
-  ~Socket() {
-    if (descriptor_ >= 0) close(descriptor_);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
-
-absl::Status CannotListen(const std::string& address, const std::string& why) {
-  return absl::FailedPreconditionError(absl::StrCat("cannot listen on ", address, ": ", why));
-}
-
-absl::Status CheckUnixPath(const std::string& address, const std::string& path) {
-  sockaddr_un name{};
-  name.sun_family = AF_UNIX;
-  if (path.empty() || path.size() >= sizeof(name.sun_path)) {
-    return absl::InvalidArgumentError(absl::StrCat("listen address '", address,
-                                                   "': the path of a socket has 1 to ",
-                                                   sizeof(name.sun_path) - 1, " characters"));
-  }
-  std::copy(path.begin(), path.end(), name.sun_path);
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0) {
-    const std::string::size_type slash = path.rfind('/');
-    const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
-    if (access(folder.c_str(), W_OK) == 0) return absl::OkStatus();
-    return CannotListen(address, absl::StrCat("the folder '", folder, "': ", strerror(errno)));
-  }
-  if (!S_ISSOCK(status.st_mode)) {
-    return CannotListen(address, "there is a file of this name that is no socket");
-  }
-  const Socket probe(AF_UNIX);
-  if (connect(probe.descriptor(), reinterpret_cast<const sockaddr*>(&name), sizeof(name)) == 0) {
-    return CannotListen(address, "another server listens there; stop it or choose another path");
-  }
-  return absl::OkStatus();  // left behind by a server that is gone
-}
-
-// errno of listening on one of a host's addresses; 0 if it works.
-int ProblemOf(const addrinfo& info) {
-  const Socket probe(info.ai_family);
-  if (probe.descriptor() < 0) return errno;
-  const int yes = 1;
-  setsockopt(probe.descriptor(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-  return bind(probe.descriptor(), info.ai_addr, info.ai_addrlen) == 0 ? 0 : errno;
-}
-
-absl::Status CheckHostAndPort(const std::string& address, std::string host,
-                              const std::string& port) {
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  addrinfo hints{};
-  hints.ai_socktype = SOCK_STREAM;
-  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
-  addrinfo* found = nullptr;
-  if (const int error = getaddrinfo(host.c_str(), port.c_str(), &hints, &found); error != 0) {
-    return CannotListen(address, absl::StrCat("host '", host, "': ", gai_strerror(error)));
-  }
-  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> infos(found, freeaddrinfo);
-  int problem = 0;
-  bool works = false;
-  for (const addrinfo* info = found; info != nullptr; info = info->ai_next) {
-    const int error = ProblemOf(*info);
-    works = works || error == 0;
-    if (problem != EADDRINUSE && error != 0) problem = error;
-  }
-  if (problem == EADDRINUSE) {
-    return CannotListen(address, absl::StrCat("port ", port,
-                                              " is in use; stop the program that uses it, or "
-                                              "choose another port (0: any free one)"));
-  }
-  return works ? absl::OkStatus() : CannotListen(address, strerror(problem));
-}
-
-}  // namespace
-
-absl::Status CheckListenAddress(const std::string& address) {
-  if (address.starts_with("unix:")) return CheckUnixPath(address, address.substr(5));
-  const std::string::size_type colon = address.rfind(':');
-  int port = 0;
-  if (colon == std::string::npos || colon == 0 ||
-      !absl::SimpleAtoi(address.substr(colon + 1), &port) || port < 0 || port > 65535) {
-    return absl::InvalidArgumentError(absl::StrCat("listen address '", address,
-                                                   "' is not like 127.0.0.1:50051, [::1]:50051 or "
-                                                   "unix:/run/silhouette.sock"));
-  }
-  return CheckHostAndPort(address, address.substr(0, colon), address.substr(colon + 1));
-}
-
-namespace {
+constexpr char kHandshakeTimeout[] = "grpc.server_handshake_timeout_ms";
+constexpr int kMostSentBytes = 64 << 20;
 
 // Reports to the health service, as far as it has changed: whether the database is undamaged,
 // whether the calibration is known to hold, if that is checked from the start, and the state of the
@@ -169,17 +71,40 @@ class HealthReport : public Watcher {
   std::map<std::string, bool> reported_;
 };
 
-}  // namespace
-
-namespace {
+// Time-outs and bounds of connections, and of what they may send.
+void SetLimits(const ServingSettings& settings, grpc::ServerBuilder& builder) {
+  // Clients may ask for signs of life as often as they like, on streams that say nothing too.
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);
+  // The streams of a client that vanished without a word end within 20 seconds.
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  // A connection on which no HTTP/2 begins.
+  builder.AddChannelArgument(kHandshakeTimeout, 5'000);
+  // A connection without calls. A client that uses it again connects again by itself.
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, 600'000);
+  // Further calls of a connection wait at the client.
+  builder.AddChannelArgument(
+      GRPC_ARG_MAX_CONCURRENT_STREAMS,
+      settings.limits.streams_per_client + settings.limits.waiting_per_client);
+  // One limit for all calls: the greatest request that is taken. ReadRequest knows that of each.
+  builder.SetMaxReceiveMessageSize(
+      static_cast<int>(settings.live == nullptr ? kMostBytes<v1::PublishSceneRequest>
+                                                : kMostBytes<v1::CheckConfigurationsRequest>));
+  builder.SetMaxSendMessageSize(kMostSentBytes);
+  builder.SetResourceQuota(grpc::ResourceQuota("requests").Resize(settings.limits.request_memory));
+}
 
 // Until GuardSocket has set its group and mode, a socket is this user's alone.
-std::unique_ptr<grpc::Server> StartGuarded(grpc::ServerBuilder& builder, const GateSettings& gate) {
-  if (!gate.socket_mode && gate.socket_group.empty()) return builder.BuildAndStart();
+absl::StatusOr<std::unique_ptr<Listener>> OpenGuarded(const std::string& address,
+                                                      const GateSettings& gate, Clients& clients) {
+  if (!gate.socket_mode && gate.socket_group.empty()) return Listener::Open(address, clients);
   const mode_t before = umask(0177);
-  std::unique_ptr<grpc::Server> started = builder.BuildAndStart();
+  absl::StatusOr<std::unique_ptr<Listener>> listener = Listener::Open(address, clients);
   umask(before);
-  return started;
+  RETURN_IF_ERROR(listener.status());
+  RETURN_IF_ERROR(GuardSocket(address, gate));
+  return listener;
 }
 
 }  // namespace
@@ -193,45 +118,39 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
   RETURN_IF_ERROR(CheckGate(address, settings.gate));
-  RETURN_IF_ERROR(CheckListenAddress(address));
+  // What it says of requests that cannot be parsed goes to their callers.
+  google::protobuf::SetLogHandler(nullptr);
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
-  if (!server->serving_.settings.metrics.empty()) {
-    ASSIGN_OR_RETURN(auto metrics,
-                     Metrics::Start(server->serving_.settings.metrics, server->serving_));
-    server->metrics_ = std::move(metrics);
-  }
   Serving& serving = server->serving_;
   const GateSettings& gate = serving.settings.gate;
+  ASSIGN_OR_RETURN(server->listener_, OpenGuarded(address, gate, serving.clients));
+  server->address_ = server->listener_->address();
+  if (!serving.settings.metrics.empty()) {
+    ASSIGN_OR_RETURN(server->metrics_, Metrics::Start(serving.settings.metrics, serving));
+  }
   ASSIGN_OR_RETURN(
       const auto credentials,
       CredentialsFor(gate, [&serving](const std::string& who, const std::string& call) {
         serving.AuditFirst(who, "call.denied", call);
       }));
   grpc::ServerBuilder builder;
-  int port = 0;
-  builder.AddListeningPort(address, credentials, &port);
-  // Two servers on one port would take turns.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  // Clients may ask for signs of life as often as they like, on streams that say nothing too.
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PING_STRIKES, 0);
-  // The streams of a client that vanished without a word end within 20 seconds.
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 10'000);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
-  builder.SetMaxReceiveMessageSize(kMaxRequestBytes);
-  builder.SetMaxSendMessageSize(kMaxRequestBytes);
+  std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
+      builder.experimental().AddExternalConnectionAcceptor(
+          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  SetLimits(serving.settings, builder);
   for (const auto& service : server->services_) builder.RegisterService(service.get());
-  server->server_ = StartGuarded(builder, gate);
-  if (server->server_ == nullptr || port == 0) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("cannot listen on ", address, "; choose another address"));
+  server->server_ = builder.BuildAndStart();
+  if (server->server_ == nullptr) {
+    return absl::InternalError("gRPC does not start; its log says more (GRPC_VERBOSITY=ERROR)");
   }
-  RETURN_IF_ERROR(GuardSocket(address, gate));
-  const bool unix_socket = address.starts_with("unix:");
-  server->address_ =
-      unix_socket ? address : absl::StrCat(address.substr(0, address.rfind(':') + 1), port);
+  server->listener_->Start([acceptor](int listener, int connection) {
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+    parameters.listener_fd = listener;
+    parameters.fd = connection;
+    acceptor->HandleNewConnection(&parameters);
+  });
   grpc::HealthCheckServiceInterface* health = server->server_->GetHealthCheckService();
   for (const char* name :
        {v1::CollisionService::service_full_name(), v1::SceneService::service_full_name(),
@@ -273,6 +192,7 @@ void Server::SetTrust(std::shared_ptr<const CalibrationTrust> trust) {
 }
 
 void Server::Stop(absl::Duration grace) {
+  listener_.reset();
   serving_.watches.Close();
   server_->GetHealthCheckService()->SetServingStatus(false);
   // No moment of the clock is further away than that.

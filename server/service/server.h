@@ -17,21 +17,14 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/service/listener.h"
 #include "server/service/metrics.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
 
-// Whether a server can listen on `address`: "host:port", "[::1]:port" or "unix:path"; port 0 stands
-// for any free one. InvalidArgument: it is not an address. FailedPrecondition: it is taken, or is
-// none of this machine's. The messages say what to do.
-absl::Status CheckListenAddress(const std::string& address);
-
 class Server {
  public:
-  // Greatest request: camera images of all views.
-  static constexpr int kMaxRequestBytes = 64 << 20;
-
   // Starts to listen; see CheckListenAddress for `address` and the errors, CheckGate,
   // CredentialsFor and GuardSocket for those of settings.gate, and Metrics for those of metrics.
   static absl::StatusOr<std::unique_ptr<Server>> Start(
@@ -74,6 +67,7 @@ class Server {
   std::string address_;
   std::unique_ptr<Metrics> metrics_;  // null: there are none
   std::unique_ptr<grpc::Server> server_;
+  std::unique_ptr<Listener> listener_;  // null: no longer
   std::shared_ptr<Watcher> health_;
 };
 

@@ -3,12 +3,10 @@
 
 #include <spdlog/spdlog.h>
 
-#include <exception>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "server/service/serving_settings.h"
 
 namespace silhouette {
 
@@ -51,72 +49,13 @@ absl::StatusOr<SharedScene> ScenePublisher::Publish(
   return published;
 }
 
-WorkerPool::WorkerPool(int threads, size_t queue) : queue_(queue) {
-  for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { Work(); });
-}
-
-WorkerPool::~WorkerPool() {
-  {
-    const std::lock_guard lock(mutex_);
-    closing_ = true;
-  }
-  changed_.notify_all();
-  for (std::thread& thread : threads_) thread.join();
-}
-
-bool WorkerPool::Run(std::function<void()> task) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (tasks_.size() >= queue_) return false;
-    tasks_.push_back(std::move(task));
-  }
-  changed_.notify_one();
-  return true;
-}
-
-void WorkerPool::Work() {
-  for (;;) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return closing_ || !tasks_.empty(); });
-    if (tasks_.empty()) return;
-    const std::function<void()> task = std::move(tasks_.front());
-    tasks_.pop_front();
-    lock.unlock();
-    task();
-  }
-}
-
-absl::Status Guarded(const std::function<absl::Status()>& work) {
-  try {
-    return work();
-  } catch (const std::exception& error) {
-    spdlog::error("internal error: {}", error.what());
-    return absl::InternalError("internal error of the server; its log says more");
-  }
-}
-
-absl::Status TooBusy() { return absl::ResourceExhaustedError("the server is busy; try again"); }
-
-grpc::Status ToGrpc(const absl::Status& status) {
-  if (status.ok()) return grpc::Status::OK;
-  return grpc::Status(static_cast<grpc::StatusCode>(status.code()), std::string(status.message()));
-}
-
-grpc::ServerUnaryReactor* AnswerHere(grpc::CallbackServerContext* context,
-                                     const std::function<absl::Status()>& work) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  reactor->Finish(ToGrpc(Guarded(work)));
-  return reactor;
-}
-
-grpc::ServerUnaryReactor* AnswerOnWorker(Serving& serving, grpc::CallbackServerContext* context,
-                                         std::function<absl::Status()> work) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  const bool accepted = serving.workers.Run([=, work = std::move(work)] {
-    reactor->Finish(ToGrpc(context->IsCancelled() ? absl::CancelledError() : Guarded(work)));
-  });
-  if (!accepted) reactor->Finish(ToGrpc(TooBusy()));
-  return reactor;
+WorkerPoolSettings Serving::PoolOf(const std::string& name, int nice) const {
+  return {.name = name,
+          .threads = settings.worker_threads,
+          .queue = static_cast<size_t>(settings.limits.waiting),
+          .queue_per_client = static_cast<size_t>(settings.limits.waiting_per_client),
+          .queued_bytes = settings.limits.request_memory / 3,  // there are three pools
+          .nice = nice};
 }
 
 Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database) {

@@ -1,37 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the three services share, and how they answer.
+// What the three services share.
 #pragma once
 
 #include <grpcpp/impl/service_type.h>
-#include <grpcpp/server_context.h>
-#include <grpcpp/support/server_callback.h>
 
 #include <array>
 #include <atomic>
-#include <chrono>
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <set>
 #include <string>
-#include <thread>
 #include <utility>
-#include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "server/collision/verdict.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene.h"
 #include "server/scene/scene_store.h"
+#include "server/service/clients.h"
 #include "server/service/index_check.h"
 #include "server/service/map_keeper.h"
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
 #include "server/service/watch_hub.h"
+#include "server/service/worker_pool.h"
 
 namespace silhouette {
 
@@ -90,31 +83,6 @@ class ScenePublisher {
   FaultLog<Reason> log_;
 };
 
-// Threads for the work that must not block gRPC's own.
-class WorkerPool {
- public:
-  // `threads` at least 1; `queue`: how many tasks may wait for a thread.
-  WorkerPool(int threads, size_t queue);
-  // Finishes all tasks, the waiting ones too.
-  ~WorkerPool();
-  WorkerPool(const WorkerPool&) = delete;
-  WorkerPool& operator=(const WorkerPool&) = delete;
-
-  // Runs the task some time later; false, and it will not run, if the queue is full. The task must
-  // not throw. May be called from any thread.
-  bool Run(std::function<void()> task);
-
- private:
-  void Work();
-
-  const size_t queue_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<std::function<void()>> tasks_;
-  bool closing_ = false;
-  std::vector<std::thread> threads_;
-};
-
 struct Serving {
   Serving(std::shared_ptr<const ServedDatabase> database, ServingSettings the_settings)
       : settings(std::move(the_settings)),
@@ -123,8 +91,10 @@ struct Serving {
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
         index_check(settings, scenes, spaces),
-        watch_workers(settings.worker_threads, settings.worker_queue),
-        workers(settings.worker_threads, settings.worker_queue) {
+        clients(settings.limits),
+        watch_workers(PoolOf("watches", kBehindScenes)),
+        workers(PoolOf("checks", kBehindScenes)),
+        scene_workers(PoolOf("scenes", 0)) {
     scenes.SetTrust(settings.trust);
     if (map_keeper->needed()) watches.Add(map_keeper);
     index_check.Start();
@@ -149,11 +119,17 @@ struct Serving {
   std::shared_ptr<MapKeeper> map_keeper;
   IndexCheck index_check;
   VerdictCounts verdicts;
-  // Their tasks use the others. Watches have their own, so that they do not hold up scenes.
+  Clients clients;
+  // Their tasks use the others. Scenes and regions have their own, with more of the processors: no
+  // check or watch holds them up.
   WorkerPool watch_workers;
   WorkerPool workers;
+  WorkerPool scene_workers;
 
  private:
+  static constexpr int kBehindScenes = 5;  // niceness
+
+  WorkerPoolSettings PoolOf(const std::string& name, int nice) const;
   AuditEntry EntryOf(const std::string& who, const std::string& what,
                      const std::string& detail) const {
     const Moment now = settings.clock();
@@ -165,21 +141,5 @@ struct Serving {
 std::unique_ptr<grpc::Service> NewCollisionService(Serving& serving);
 std::unique_ptr<grpc::Service> NewSceneService(Serving& serving);
 std::unique_ptr<grpc::Service> NewDatabaseService(Serving& serving);
-
-// Finishes a call with what `work` returns, at once.
-grpc::ServerUnaryReactor* AnswerHere(grpc::CallbackServerContext* context,
-                                     const std::function<absl::Status()>& work);
-
-// The same on a worker thread: for work that takes longer than a look-up. RESOURCE_EXHAUSTED if too
-// much waits already.
-grpc::ServerUnaryReactor* AnswerOnWorker(Serving& serving, grpc::CallbackServerContext* context,
-                                         std::function<absl::Status()> work);
-
-// What `work` returns; an exception that leaves it is Internal.
-absl::Status Guarded(const std::function<absl::Status()>& work);
-
-absl::Status TooBusy();
-
-grpc::Status ToGrpc(const absl::Status& status);
 
 }  // namespace silhouette

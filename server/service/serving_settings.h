@@ -2,7 +2,6 @@
 // How a cell is served.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -13,6 +12,7 @@
 #include "server/collision/policy.h"
 #include "server/gate/gate_settings.h"
 #include "server/live/live_record.h"
+#include "server/scene/client_limits.h"
 #include "server/scene/clock.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/scene_store.h"
@@ -50,10 +50,9 @@ struct ServingSettings {
   GateSettings gate;
   // Where changes are recorded; null: nowhere.
   std::shared_ptr<AuditLog> audit;
-  // For calls, and as many for watches.
+  // For checks, as many for watches and as many for scenes.
   int worker_threads = 2;
-  // Tasks that may wait for a worker thread; more are turned away.
-  size_t worker_queue = 256;
+  ClientLimits limits;
 };
 
 // The policy where a request names none, for requests that rest on `database`.

@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
+#include "server/service/calls.h"
 #include "server/service/messages.h"
 
 namespace silhouette {
@@ -32,9 +33,9 @@ absl::StatusOr<std::vector<uint64_t>> TilesFrom(
   std::set<uint64_t> seen;
   for (int i = 0; i < named.size(); ++i) {
     if (named[i] >= grid.tiles()) {
-      return absl::InvalidArgumentError(absl::StrCat("tiles[", i, "]: there is no tile ", named[i],
-                                                     "; the grid has ", grid.tiles(),
-                                                     ", counted from 0"));
+      return FieldError(absl::StrCat("tiles[", i, "]"),
+                        absl::StrCat("there is no tile ", named[i], "; the grid has ", grid.tiles(),
+                                     ", counted from 0"));
     }
     if (seen.insert(named[i]).second) tiles.push_back(named[i]);
   }
@@ -55,7 +56,7 @@ absl::StatusOr<Deadline> DeadlineOf(const v1::GetConfigurationSpaceRequest& requ
   if (!request.has_max_time()) return Deadline::max();
   const absl::Duration time = DurationFrom(request.max_time());
   if (time < absl::ZeroDuration()) {
-    return absl::InvalidArgumentError("max_time: a time cannot be negative");
+    return FieldError("max_time", "a time cannot be negative");
   }
   // Longer than any call lives.
   if (time > absl::Hours(24)) return Deadline::max();
@@ -67,13 +68,13 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
   const std::vector<double> levels(request.clearance_levels().begin(),
                                    request.clearance_levels().end());
   if (levels.size() > kMaxClearanceLevels) {
-    return absl::InvalidArgumentError(absl::StrCat("clearance_levels: there are ", levels.size(),
-                                                   "; ask for at most ", kMaxClearanceLevels));
+    return FieldError("clearance_levels", absl::StrCat("there are ", levels.size(),
+                                                       "; ask for at most ", kMaxClearanceLevels));
   }
   try {
     if (!levels.empty()) RequireLevels(levels);
   } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(absl::StrCat("clearance_levels: ", error.what()));
+    return FieldError("clearance_levels", absl::StrCat("", error.what()));
   }
   return levels;
 }
@@ -114,7 +115,8 @@ void SpaceWriter::SendNext() {
       tile.add_clearances(PackedBits(above.words, kTileSize));
     }
   }
-  StartWrite(&message_);
+  WriteMessage(message_, &bytes_);
+  StartWrite(&bytes_);
 }
 
 }  // namespace silhouette

@@ -2,6 +2,7 @@
 // Sending a configuration space, some tiles at a time.
 #pragma once
 
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <chrono>
@@ -49,7 +50,7 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
 
 // The answer to one call. Deletes itself when the call is over: either Send() or Finish() is called
 // once.
-class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSpaceResponse> {
+class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
  public:
   // Tiles in one message: about half a megabyte. Fewer with clearances or cells, so that it stays
   // at that.
@@ -70,6 +71,7 @@ class SpaceWriter final : public grpc::ServerWriteReactor<v1::GetConfigurationSp
   void SendNext();
 
   v1::GetConfigurationSpaceResponse message_;
+  grpc::ByteBuffer bytes_;  // of the message that is on its way
   std::shared_ptr<const ConfigurationSpace> space_;
   std::shared_ptr<const ClearanceSpace> clearances_;
   bool cells_ = false;

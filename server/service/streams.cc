@@ -8,6 +8,7 @@
 #include "server/collision/clearance.h"
 #include "server/collision/policy.h"
 #include "server/service/answers.h"
+#include "server/service/calls.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
 #include "server/service/streams.h"
@@ -145,7 +146,7 @@ bool SpaceWatch::NextPart(v1::WatchConfigurationSpaceResponse& part) {
 
 void CheckStream::Start() {
   self_ = shared_from_this();
-  StartRead(&question_);
+  StartRead(&bytes_);
   serving_.watches.Add(self_);
 }
 
@@ -167,11 +168,17 @@ void CheckStream::OnReadDone(bool ok) {
     step_ = ok ? Step::kAnswering : Step::kOver;
   }
   if (!ok) return Finish(grpc::Status::OK);  // the caller asks no more
+  absl::Status asked = serving_.clients.Call(client_);
+  question_.Clear();
+  if (asked.ok()) asked = ReadRequest(bytes_, question_);
+  if (!asked.ok()) return Work([&] { return asked; });
   const bool at_once =
       question_.has_configurations() && AnsweredAtOnce(serving_, question_.configurations());
   if (at_once) return Work([this] { return AnswerQuestion(); });
   const auto work = [self = self_] { self->Work([&] { return self->AnswerQuestion(); }); };
-  if (!serving_.workers.Run(work)) Work(TooBusy);
+  if (!serving_.workers.Run(client_, bytes_.Length(), work)) {
+    Work([this] { return serving_.clients.TooBusy(client_); });
+  }
 }
 
 absl::Status CheckStream::AnswerQuestion() {
@@ -184,7 +191,7 @@ absl::Status CheckStream::AnswerQuestion() {
     case v1::StreamChecksRequest::QUESTION_NOT_SET:
       break;
   }
-  return absl::InvalidArgumentError("question: ask for configurations or for a path");
+  return FieldError("question", "ask for configurations or for a path");
 }
 
 void CheckStream::Work(const std::function<absl::Status()>& answer) {
@@ -195,14 +202,15 @@ void CheckStream::Work(const std::function<absl::Status()>& answer) {
     answer_.mutable_error()->set_code(status.raw_code());
     answer_.mutable_error()->set_message(std::string(status.message()));
   }
-  StartWrite(&answer_);
+  WriteMessage(answer_, &bytes_);
+  StartWrite(&bytes_);
 }
 
 void CheckStream::OnWriteDone(bool ok) {
   std::unique_lock lock(mutex_);
   if (ok && !ending_) {
     step_ = Step::kReading;
-    StartRead(&question_);
+    StartRead(&bytes_);
     return;
   }
   step_ = Step::kOver;
@@ -211,6 +219,7 @@ void CheckStream::OnWriteDone(bool ok) {
 }
 
 void CheckStream::OnDone() {
+  place_.reset();
   const std::shared_ptr<Watcher> last = std::move(self_);  // perhaps a worker still holds it
 }
 

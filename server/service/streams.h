@@ -12,6 +12,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,7 @@
 #include "absl/status/statusor.h"
 #include "db/status/status_macros.h"
 #include "server/scene/configuration_space.h"
+#include "server/service/calls.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
 #include "server/service/watch_hub.h"
@@ -39,12 +41,16 @@ inline uint64_t ScenesSkipped(uint64_t last, uint64_t now) {
 //
 // Keeps itself alive until the call is over.
 template <typename Response>
-class WatchWriter : public grpc::ServerWriteReactor<Response>,
+class WatchWriter : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
                     public Watcher,
                     public std::enable_shared_from_this<WatchWriter<Response>> {
  public:
-  WatchWriter(Serving& serving, grpc::CallbackServerContext* context)
-      : serving_(serving), context_(context) {}
+  // `place`: among the streams of its client, kept until the call is over.
+  WatchWriter(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place)
+      : serving_(serving),
+        context_(context),
+        client_(ClientOf(*context)),
+        place_(std::move(place)) {}
 
   // Once, when the call comes.
   void Start() {
@@ -101,8 +107,8 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
       this->Finish(ToGrpc(*ending_));
     } else if (told_ != done_) {
       // If too much waits already, the hub's next word comes soon.
-      const bool accepted =
-          serving_.watch_workers.Run([self = this->shared_from_this()] { self->Work(); });
+      const bool accepted = serving_.watch_workers.Run(
+          client_, 0, [self = this->shared_from_this()] { self->Work(); });
       if (accepted) step_ = Step::kWorking;
     }
   }
@@ -131,7 +137,8 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
     lock.unlock();
     message_.Clear();
     more_ = NextPart(message_);
-    this->StartWrite(&message_);
+    WriteMessage(message_, &bytes_);
+    this->StartWrite(&bytes_);
   }
 
   void OnWriteDone(bool ok) final {
@@ -145,13 +152,17 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
   void OnCancel() final { Stop(absl::CancelledError()); }
 
   void OnDone() final {
+    place_.reset();
     const std::shared_ptr<Watcher> last = std::move(self_);  // perhaps a worker still holds it
   }
 
   Serving& serving_;
   grpc::CallbackServerContext* const context_;
+  const std::string client_;
+  Clients::Place place_;
   std::shared_ptr<WatchWriter> self_;
   Response message_;
+  grpc::ByteBuffer bytes_;  // of the message
   bool more_ = false;
   std::mutex mutex_;
   Step step_ = Step::kWaiting;
@@ -164,9 +175,9 @@ class WatchWriter : public grpc::ServerWriteReactor<Response>,
 // WatchPath: one call.
 class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
  public:
-  PathWatch(Serving& serving, grpc::CallbackServerContext* context,
+  PathWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
             const v1::CheckPathRequest& request)
-      : WatchWriter(serving, context), request_(request) {}
+      : WatchWriter(serving, context, std::move(place)), request_(request) {}
 
  private:
   absl::StatusOr<bool> Prepare() override;
@@ -184,9 +195,9 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
   // Tiles in one part: about half a megabyte, somewhat more with free cells.
   static constexpr size_t kTilesPerPart = 512;
 
-  SpaceWatch(Serving& serving, grpc::CallbackServerContext* context,
+  SpaceWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
              const v1::WatchConfigurationSpaceRequest& request)
-      : WatchWriter(serving, context), request_(request) {}
+      : WatchWriter(serving, context, std::move(place)), request_(request) {}
 
  private:
   absl::StatusOr<bool> Prepare() override;
@@ -207,13 +218,16 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 // StreamChecks: one call.
 // Reads a question only when the answer to the one before has been taken by the transport: a caller
 // that does not read its answers does not delay others. Keeps itself alive until the call is over.
-class CheckStream final
-    : public grpc::ServerBidiReactor<v1::StreamChecksRequest, v1::StreamChecksResponse>,
-      public Watcher,
-      public std::enable_shared_from_this<CheckStream> {
+class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
+                          public Watcher,
+                          public std::enable_shared_from_this<CheckStream> {
  public:
-  CheckStream(Serving& serving, grpc::CallbackServerContext* context)
-      : serving_(serving), context_(context) {}
+  // `place`: as in WatchWriter.
+  CheckStream(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place)
+      : serving_(serving),
+        context_(context),
+        client_(ClientOf(*context)),
+        place_(std::move(place)) {}
 
   // Once, when the call comes.
   void Start();
@@ -236,7 +250,10 @@ class CheckStream final
 
   Serving& serving_;
   grpc::CallbackServerContext* const context_;
+  const std::string client_;
+  Clients::Place place_;
   std::shared_ptr<CheckStream> self_;
+  grpc::ByteBuffer bytes_;  // that are read or written
   v1::StreamChecksRequest question_;
   v1::StreamChecksResponse answer_;
   std::mutex mutex_;

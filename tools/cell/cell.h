@@ -24,6 +24,7 @@
 #include "server/collision/policy.h"
 #include "server/gate/gate_settings.h"
 #include "server/live/live_settings.h"
+#include "server/scene/client_limits.h"
 #include "server/scene/scene_settings.h"
 #include "server/scene/sound_settings.h"
 #include "server/scene/view_treatment.h"
@@ -68,6 +69,7 @@ struct ServerSettings {
   // Whether variants beside the default one are among them.
   bool variants_in_memory = false;
   IndexCheckSettings index_check;
+  ClientLimits limits;
   // File of the newest check of the calibration; empty: it is taken to hold. Older checks are none.
   std::string calibration_check;
   absl::Duration calibration_check_max_age = absl::InfiniteDuration();

@@ -91,6 +91,28 @@ ViewCheckSettings ReadViewCheck(const YamlNode& node, ViewCheckSettings check) {
   return check;
 }
 
+// Less would not hold the images of a scene.
+constexpr uint64_t kLeastRequestMemory = 256'000'000;
+
+ClientLimits ReadLimits(const YamlNode& node) {
+  YamlMap map(node);
+  ClientLimits limits;
+  limits.connections = AtLeast(map, "connections", limits.connections, 1);
+  limits.connections_per_client =
+      AtLeast(map, "connections_per_client", limits.connections_per_client, 1);
+  limits.streams = AtLeast(map, "streams", limits.streams, 1);
+  limits.streams_per_client = AtLeast(map, "streams_per_client", limits.streams_per_client, 1);
+  map.Read("calls_per_second", limits.calls_per_second, &YamlNode::AsPositive);
+  limits.waiting = AtLeast(map, "waiting", limits.waiting, 1);
+  limits.waiting_per_client = AtLeast(map, "waiting_per_client", limits.waiting_per_client, 1);
+  map.Read("request_memory", limits.request_memory, &YamlNode::AsBytes);
+  if (limits.request_memory < kLeastRequestMemory) {
+    map.Required("request_memory").Fail("at least 256 MB is expected");
+  }
+  map.Finish();
+  return limits;
+}
+
 // `live`: what the keys that are not stated are.
 LiveSettings ReadLive(const YamlNode& node, LiveSettings live) {
   YamlMap map(node);
@@ -367,6 +389,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
     server.index_check.samples = AtLeast(check, "samples", server.index_check.samples, 1);
     check.Finish();
   }
+  map.Read("limits", server.limits, ReadLimits);
   if (const auto checked = map.Optional("calibration_check")) {
     YamlMap check(*checked);
     server.calibration_check = ResolvePath(folder, check.Get<std::string>("file"));

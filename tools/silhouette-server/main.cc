@@ -3,6 +3,7 @@
 #include <pthread.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -21,6 +22,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "capture/session/travel.h"
+#include "common/log/log_lines.h"
 #include "db/status/status_macros.h"
 #include "server/audit/audit_log.h"
 #include "server/gate/credentials.h"
@@ -28,6 +30,7 @@
 #include "server/live/live_loop.h"
 #include "server/live/live_record.h"
 #include "server/scene/served_database.h"
+#include "server/service/listener.h"
 #include "server/service/server.h"
 #include "tools/cell/cell.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -39,7 +42,7 @@ namespace {
 
 constexpr char kName[] = "silhouette-server";
 // How long calls in flight may take when the server is stopped.
-constexpr absl::Duration kGrace = absl::Seconds(10);
+constexpr absl::Duration kGrace = absl::Seconds(1);
 
 struct Options {
   std::string cell;
@@ -148,6 +151,15 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
       std::move(record));
 }
 
+// As many as the limits of connections ask for, as far as the system lets the process have them.
+void AskForDescriptors(const ClientLimits& limits) {
+  rlimit descriptors{};
+  getrlimit(RLIMIT_NOFILE, &descriptors);
+  const rlim_t needed = 2 * static_cast<rlim_t>(limits.connections) + Listener::kReserve;
+  descriptors.rlim_cur = std::min(descriptors.rlim_max, std::max(descriptors.rlim_cur, needed));
+  setrlimit(RLIMIT_NOFILE, &descriptors);
+}
+
 absl::Status Serve(const Options& options) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
@@ -167,6 +179,8 @@ absl::Status Serve(const Options& options) {
   settings.choose_preset = cell.choose_preset;
   settings.scene = cell.server.scene;
   settings.map_time = cell.server.map_time;
+  settings.limits = cell.server.limits;
+  AskForDescriptors(settings.limits);
   settings.index_check = cell.server.index_check;
   settings.segmentation = cell.segmentation;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
@@ -219,6 +233,7 @@ int Main(int argc, char** argv) {
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
   spdlog::set_default_logger(spdlog::stderr_logger_mt(kName));
+  spdlog::set_formatter(LineFormatter());
 
   CLI::App app("Serves a cell: verdicts on robot configurations from the newest scene.", kName);
   Options options;
@@ -256,8 +271,8 @@ int Main(int argc, char** argv) {
       ->needs("--live");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
-      "stderr. SIGTERM and Ctrl-C let the calls in flight finish; SIGHUP reads the database "
-      "again.\n"
+      "stderr. SIGTERM and Ctrl-C let the calls in flight finish, for at most a second; SIGHUP "
+      "reads the database again.\n"
       "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
       "then the address must be one of this machine alone, or --insecure be given.\n\n"
       "Example:\n"

@@ -14,8 +14,10 @@
 
 namespace silhouette {
 
-inline std::string RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
-                           const std::string& request) {
+// `response`: empty if the call fails.
+inline grpc::Status RawStatus(const std::shared_ptr<grpc::Channel>& channel,
+                              const std::string& method, const std::string& request,
+                              std::string* response) {
   grpc::ClientContext context;
   grpc::CompletionQueue queue;
   grpc::GenericStub stub(channel);
@@ -27,16 +29,25 @@ inline std::string RawCall(const std::shared_ptr<grpc::Channel>& channel, const 
   const grpc::Slice slice(request);
   call->WriteLast(grpc::ByteBuffer(&slice, 1), {}, nullptr);
   queue.Next(&tag, &ok);
-  grpc::ByteBuffer response;
-  call->Read(&response, nullptr);
+  grpc::ByteBuffer bytes;
+  call->Read(&bytes, nullptr);
   queue.Next(&tag, &ok);
   grpc::Status status;
   call->Finish(&status, nullptr);
   queue.Next(&tag, &ok);
+  grpc::Slice answer;
+  if (bytes.TrySingleSlice(&answer).ok()) {
+    response->assign(reinterpret_cast<const char*>(answer.begin()), answer.size());
+  }
+  return status;
+}
+
+inline std::string RawCall(const std::shared_ptr<grpc::Channel>& channel, const std::string& method,
+                           const std::string& request) {
+  std::string response;
+  const grpc::Status status = RawStatus(channel, method, request, &response);
   EXPECT_TRUE(status.ok()) << status.error_message();
-  grpc::Slice bytes;
-  response.TrySingleSlice(&bytes);
-  return {reinterpret_cast<const char*>(bytes.begin()), bytes.size()};
+  return response;
 }
 
 // What the health service says of `name`: "\x08\x01" is SERVING, "\x08\x02" NOT_SERVING.

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/service/calls.h"
 #include "tests/server/service/test_server.h"
 
 namespace silhouette {
@@ -214,7 +215,8 @@ TEST_F(SceneServiceTest, WhatIsRefusedChangesNothing) {
 }
 
 TEST_F(SceneServiceTest, RequestThatIsTooLargeIsRefused) {
-  request.mutable_views(0)->set_camera_image(std::string(Server::kMaxRequestBytes + 1, 'x'));
+  request.mutable_views(0)->set_camera_image(
+      std::string(kMostBytes<v1::PublishSceneRequest> + 1, 'x'));
   EXPECT_EQ(server.PublishStatus(request).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
 }
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/serving.h"
+#include "server/service/worker_pool.h"
 
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <latch>
+#include <string>
+#include <thread>
+#include <vector>
 
 namespace silhouette {
 namespace {
@@ -12,8 +15,8 @@ namespace {
 TEST(WorkerPool, RunsAllTasksBeforeItEnds) {
   std::atomic<int> done = 0;
   {
-    WorkerPool pool(3, 1000);
-    for (int i = 0; i < 500; ++i) EXPECT_TRUE(pool.Run([&done] { ++done; }));
+    WorkerPool pool({.name = "test", .threads = 3, .queue = 1000, .queue_per_client = 1000});
+    for (int i = 0; i < 500; ++i) EXPECT_TRUE(pool.Run("client", 0, [&done] { ++done; }));
   }
   EXPECT_EQ(done, 500);
 }
@@ -23,28 +26,63 @@ TEST(WorkerPool, TurnsTasksAwayWhenTheQueueIsFull) {
   std::latch release(1);
   std::atomic<int> done = 0;
   {
-    WorkerPool pool(1, 2);
-    EXPECT_TRUE(pool.Run([&] {
+    WorkerPool pool({.name = "test", .queue = 2});
+    EXPECT_TRUE(pool.Run("client", 0, [&] {
       started.count_down();
       release.wait();
     }));
     started.wait();
-    EXPECT_TRUE(pool.Run([&done] { ++done; }));
-    EXPECT_TRUE(pool.Run([&done] { ++done; }));
-    EXPECT_FALSE(pool.Run([&done] { ++done; }));
+    EXPECT_TRUE(pool.Run("client", 0, [&done] { ++done; }));
+    EXPECT_TRUE(pool.Run("client", 0, [&done] { ++done; }));
+    EXPECT_FALSE(pool.Run("client", 0, [&done] { ++done; }));
     release.count_down();
   }
   EXPECT_EQ(done, 2);
 }
 
+TEST(WorkerPool, TakesTheTasksOfClientsInTurn) {
+  std::latch started(1);
+  std::latch release(1);
+  std::string order;
+  {
+    WorkerPool pool({.name = "test"});
+    EXPECT_TRUE(pool.Run("a", 0, [&] {
+      started.count_down();
+      release.wait();
+    }));
+    started.wait();
+    for (int i = 0; i < 5; ++i) EXPECT_TRUE(pool.Run("a", 0, [&order] { order += 'a'; }));
+    for (int i = 0; i < 2; ++i) EXPECT_TRUE(pool.Run("b", 0, [&order] { order += 'b'; }));
+    release.count_down();
+  }
+  EXPECT_EQ(order, "ababaaa");
+}
+
+TEST(WorkerPool, BoundsTheTasksOfAClientAndTheBytesOfAll) {
+  std::latch started(1);
+  std::latch release(1);
+  WorkerPool pool({.name = "test", .queue = 10, .queue_per_client = 2, .queued_bytes = 100});
+  EXPECT_TRUE(pool.Run("a", 90, [&] {
+    started.count_down();
+    release.wait();
+  }));
+  started.wait();  // its bytes wait no longer
+  EXPECT_TRUE(pool.Run("a", 40, [] {}));
+  EXPECT_TRUE(pool.Run("a", 40, [] {}));
+  EXPECT_FALSE(pool.Run("a", 0, [] {}));
+  EXPECT_FALSE(pool.Run("b", 21, [] {}));
+  EXPECT_TRUE(pool.Run("b", 20, [] {}));
+  release.count_down();
+}
+
 TEST(WorkerPool, TakesTasksFromManyThreads) {
   std::atomic<int> done = 0;
   {
-    WorkerPool pool(2, 10'000);
+    WorkerPool pool({.name = "test", .threads = 2, .queue = 10'000, .queue_per_client = 10'000});
     std::vector<std::thread> threads;
     for (int i = 0; i < 4; ++i) {
       threads.emplace_back([&] {
-        for (int j = 0; j < 200; ++j) pool.Run([&done] { ++done; });
+        for (int j = 0; j < 200; ++j) pool.Run("client", 0, [&done] { ++done; });
       });
     }
     for (std::thread& thread : threads) thread.join();

@@ -416,6 +416,21 @@ TEST(Cell, IndexIsAlwaysChecked) {
   EXPECT_THAT(MessageOf(with("samples: 0")), HasSubstr("at least 1 is expected"));
 }
 
+TEST(Cell, ClientsHaveLimits) {
+  const std::string bare = kBareCell;
+  const auto with = [&](const std::string& keys) {
+    return bare + "server: {limits: {" + keys + "}}\n";
+  };
+  EXPECT_EQ(Load(bare)->server.limits.connections, ClientLimits().connections);
+  EXPECT_EQ(Load(with("connections: 7, streams_per_client: 3"))->server.limits.connections, 7);
+  EXPECT_EQ(Load(with("connections: 7, streams_per_client: 3"))->server.limits.streams_per_client,
+            3);
+  EXPECT_EQ(Load(with("request_memory: 300 MB"))->server.limits.request_memory, 300'000'000u);
+  EXPECT_THAT(MessageOf(with("request_memory: 1 MB")), HasSubstr("at least 256 MB is expected"));
+  EXPECT_THAT(MessageOf(with("waiting: 0")), HasSubstr("at least 1 is expected"));
+  EXPECT_THAT(MessageOf(with("calls_per_second: 0")), HasSubstr("greater than 0"));
+}
+
 TEST(Cell, VariantOfTheLiveRobotIsStatedOrLeftOpen) {
   const std::string bare = kBareCell;
   EXPECT_EQ(Load(bare)->server.live.variant, "");
