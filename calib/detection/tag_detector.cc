@@ -4,10 +4,8 @@
 #include <apriltag/apriltag.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <tuple>
 
@@ -43,26 +41,6 @@ PixelCorners CornersOf(const apriltag_detection_t& detection) {
   return corners;
 }
 
-// The corners before a 3 x 3 dilation of white moved the sides inward (`sign` 1) or outward (-1).
-PixelCorners WithRim(const PixelCorners& corners, double sign) {
-  const Eigen::Vector2d middle = (corners[0] + corners[1] + corners[2] + corners[3]) / 4;
-  std::array<Eigen::Vector2d, 4> normals;  // outward, of the side from each corner to the next
-  for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector2d along = corners[(i + 1) % 4] - corners[i];
-    const Eigen::Vector2d normal = Eigen::Vector2d(along.y(), -along.x()).normalized();
-    normals[i] = normal.dot(corners[i] - middle) > 0 ? normal : Eigen::Vector2d(-normal);
-  }
-  PixelCorners before;
-  for (int i = 0; i < 4; ++i) {
-    Eigen::Matrix2d sides;
-    sides << normals[(i + 3) % 4].transpose(), normals[i].transpose();
-    // A side moves by as much as the 3 x 3 pixels reach along its normal.
-    const Eigen::Vector2d reach(normals[(i + 3) % 4].lpNorm<1>(), normals[i].lpNorm<1>());
-    before[i] = corners[i] + sign * (sides.inverse() * reach);
-  }
-  return before;
-}
-
 // Families in which tags differ by so few bits that a wrong one is soon taken for right are read
 // without correction; correcting two bits would take gigabytes for the largest.
 int CorrectedBits(const apriltag_family_t& family) { return family.h >= 9 ? 1 : 0; }
@@ -80,7 +58,6 @@ double LibrarySigma(double size, double module, double blur) {
 struct TagDetector::Library {
   std::vector<AprilTagFamily> families;
   std::map<const apriltag_family_t*, TagFamily> descriptions;
-  bool has_touching = false;  // tags whose corners touch other black
   apriltag_detector_t* detector = apriltag_detector_create();
 
   ~Library() { apriltag_detector_destroy(detector); }
@@ -91,7 +68,6 @@ TagDetector::TagDetector(const std::vector<std::string>& families)
   if (families.empty()) throw std::invalid_argument("no tag family is to be looked for");
   for (const std::string& name : families) {
     const TagFamily family(name);
-    library_->has_touching = library_->has_touching || name == kKalibrFamily;
     AprilTagFamily& added = library_->families.emplace_back(family.Library());
     library_->descriptions.emplace(added.get(), family);
     apriltag_detector_add_family_bits(library_->detector, added.get(), CorrectedBits(*added));
@@ -107,11 +83,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
                                              const std::optional<CameraModel>& lens) {
   if (image.type() != CV_8UC1) throw std::invalid_argument("tags are looked for in grey images");
   if (std::min(image.cols, image.rows) < kLeastImage) return {};
-  // The squares at the corners of Kalibr's tags touch them. Without a rim of a pixel they do not.
-  const bool touching = library_->has_touching;
-  cv::Mat thinned = image;
-  if (touching) cv::dilate(image, thinned, cv::Mat());
-  image_u8_t view{thinned.cols, thinned.rows, static_cast<int>(thinned.step), thinned.data};
+  image_u8_t view{image.cols, image.rows, static_cast<int>(image.step), image.data};
   zarray_t* detections = apriltag_detector_detect(library_->detector, &view);
   std::vector<DetectedTag> tags;
   std::vector<double> modules;
@@ -120,8 +92,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
     apriltag_detection_t* detection = nullptr;
     zarray_get(detections, i, &detection);
     const TagFamily& family = library_->descriptions.at(detection->family);
-    PixelCorners corners = CornersOf(*detection);
-    if (touching) corners = WithRim(corners, family.reversed_border() ? -1 : 1);
+    const PixelCorners corners = CornersOf(*detection);
     DetectedTag tag{
         .family = family.name(), .tag = detection->id, .corners = {corners.begin(), corners.end()}};
     tag.size = MeanSide(corners);
