@@ -19,6 +19,7 @@ namespace silhouette {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 
 constexpr char kBareCell[] = R"(name: bare
@@ -442,6 +443,29 @@ TEST(Cell, OtherVariantsAreInMemoryOnlyWhereAskedFor) {
   const std::string bare = kBareCell;
   EXPECT_FALSE(Load(bare)->server.variants_in_memory);
   EXPECT_TRUE(Load(bare + "server: {variants_in_memory: true}\n")->server.variants_in_memory);
+}
+
+TEST(Cell, GateAndAuditAreReadAndTheirMistakesNamed) {
+  const auto with = [](const std::string& keys) {
+    return kBareCell + ("server: {" + keys + "}\n");
+  };
+  const auto cell =
+      Load(with("tls: {certificate: s.pem, key: s.key, client_ca: /ca.pem}, audit: a.jsonl, "
+                "roles: {planner: [p], operator: [o, p]}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  ASSERT_TRUE(cell->server.gate.tls.has_value());
+  EXPECT_EQ(cell->server.gate.tls->client_ca, "/ca.pem");
+  EXPECT_THAT(cell->server.gate.tls->key, EndsWith("/s.key"));
+  EXPECT_THAT(cell->server.audit, EndsWith("/a.jsonl"));
+  const std::vector<std::string> p = {"p"};
+  EXPECT_TRUE(cell->server.gate.roles.Permit(p, "/silhouette.v1.SceneService/AllowRegion").ok());
+  EXPECT_FALSE(cell->server.gate.roles.Permit(p, "/silhouette.v1.SceneService/PublishScene").ok());
+  EXPECT_EQ(Load(with("socket_mode: 0620"))->server.gate.socket_mode, 0620u);
+  EXPECT_THAT(MessageOf(with("socket_mode: rw")), HasSubstr("a file mode in octal digits"));
+  EXPECT_THAT(MessageOf(with("socket_mode: 01777")), HasSubstr("a file mode in octal digits"));
+  EXPECT_THAT(MessageOf(with("roles: {}")), HasSubstr("no client has a role"));
+  EXPECT_THAT(MessageOf(with("roles: {planer: [p]}")), HasSubstr("did you mean 'planner'"));
+  EXPECT_THAT(MessageOf(with("tls: {key: s.key}")), HasSubstr("certificate"));
 }
 
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
