@@ -87,6 +87,22 @@ class Runs {
     }
   }
 
+  // Gives the areas that hold a pixel of `foreground` its other pixels, as thin.
+  void AddThin(cv::Mat& foreground) {
+    std::vector<bool> holds(runs_.size());
+    for (size_t i = 0; i < runs_.size(); ++i) {
+      const auto* row = foreground.ptr<uint8_t>(runs_[i].y);
+      if (NextSet(row, runs_[i].begin, runs_[i].end) < runs_[i].end) holds[Root(i)] = true;
+    }
+    for (size_t i = 0; i < runs_.size(); ++i) {
+      if (!holds[Root(i)]) continue;
+      auto* row = foreground.ptr<uint8_t>(runs_[i].y);
+      for (int x = runs_[i].begin; x < runs_[i].end; ++x) {
+        if (row[x] == 0) row[x] = kThinEvidence;
+      }
+    }
+  }
+
   void Drop(cv::Mat& foreground, int min_pixels) {
     for (size_t i = 0; i < runs_.size(); ++i) {
       if (runs_[Root(i)].area >= min_pixels) continue;
@@ -163,11 +179,16 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
     DropShadows(grey, reference, brightness, slow_light, foreground);
   }
   if (steps != nullptr) steps->no_shadow = foreground > 0;
+  Runs all(foreground);
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
   WeakenSmallAreas(foreground, settings.min_blob_pixels);
+  all.AddThin(foreground);
   if (!reference.undefined().empty()) foreground |= reference.undefined();
-  if (steps != nullptr) steps->foreground = foreground > 0;
+  if (steps != nullptr) {
+    steps->foreground = foreground > kThinEvidence;
+    steps->thin = foreground == kThinEvidence;
+  }
   return foreground;
 }
 
@@ -180,13 +201,14 @@ cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
 
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                    const SegmentationSettings& settings, const SlowLight& slow_light) {
-  return GradedForeground(image, reference, settings, slow_light) > 0;
+  return GradedForeground(image, reference, settings, slow_light) > kThinEvidence;
 }
 
 GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover) {
-  return {.all = DownSample(foreground, mask_size, min_cover),
+  return {.all = DownSample(foreground > kThinEvidence, mask_size, min_cover),
           .strong = DownSample(foreground == kStrongEvidence, mask_size,
-                               std::max(min_cover, kStrongCover))};
+                               std::max(min_cover, kStrongCover)),
+          .thin = DownSample(foreground == kThinEvidence, mask_size, min_cover)};
 }
 
 ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,
@@ -199,6 +221,11 @@ ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& referen
 Mask Difference(const cv::Mat& image, const Reference& reference,
                 const SegmentationSettings& settings, MaskSize mask_size) {
   return DownSample(Foreground(image, reference, settings), mask_size, settings.min_cover);
+}
+
+Mask RobotMask(const cv::Mat& image, const Reference& reference,
+               const SegmentationSettings& settings, MaskSize mask_size) {
+  return DownSample(GradedForeground(image, reference, settings), mask_size, settings.min_cover);
 }
 
 }  // namespace silhouette

@@ -25,7 +25,9 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
                    const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
 // Foreground() with the strength of its evidence: kStrongEvidence or kWeakEvidence
-// (deviating_pixels.h) where foreground, else 0.
+// (deviating_pixels.h) where foreground. kThinEvidence where it is not, because the clean-up's
+// opening took it away, but what differs joins the foreground: the fingers of a gripper and hoses,
+// and noise at rims. Else 0.
 cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
                          const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
@@ -40,6 +42,8 @@ struct GradedMask {
   Mask all;
   // The pixels of it that rest on strong evidence, on more than kStrongCover of their area.
   Mask strong;
+  // Pixels with thin evidence, in `all` or not: foreground where they show the robot.
+  Mask thin;
 };
 GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover);
 
@@ -48,6 +52,7 @@ struct ForegroundSteps {
   cv::Mat deviating;   // what differs, by itself or with what is around
   cv::Mat no_shadow;   // of that, what is no shadow
   cv::Mat foreground;  // what is left after the clean-up
+  cv::Mat thin;        // what has thin evidence
   // By how much of its limit each pixel differs, DifferenceOverLimit().
   cv::Mat over_limit;
 };
@@ -65,6 +70,11 @@ ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& referen
 // cell become foreground: the mask covers more, and nothing is learned away.
 Mask Difference(const cv::Mat& image, const Reference& reference,
                 const SegmentationSettings& settings, MaskSize mask_size);
+
+// As Difference(), of an image that shows the robot and nothing else in the cell: with what has
+// thin evidence. Without it the robot would not touch what its thin parts touch.
+Mask RobotMask(const cv::Mat& image, const Reference& reference,
+               const SegmentationSettings& settings, MaskSize mask_size);
 
 // How close the decisions about an image's pixels are.
 

@@ -7,6 +7,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "capture/segmentation/deviating_pixels.h"
+
 namespace silhouette {
 namespace {
 
@@ -206,6 +208,8 @@ void DropShadows(const cv::Mat& image, const Reference& reference, const Brightn
       }
     }
   }
+  // Residues of a shadow come and go with the noise.
+  foreground.setTo(kWeakEvidence, terms.candidate);
   foreground.setTo(0, factors > 0);
 }
 

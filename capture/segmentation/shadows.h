@@ -16,8 +16,10 @@ namespace silhouette {
 // - that is far more probable than a surface of one colour: the cell's own texture is seen.
 // Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
 // the same. Among such pixels - where they are half of the foreground around, at least - those
-// belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
-// 8-bit, not 0 where foreground, of the image's size.
+// belong to the shadow that are no darker than it and no brighter than expected. What stays, but is
+// no darker than a shadow can be and no brighter than expected, becomes weak evidence
+// (deviating_pixels.h): a shadow could explain it. `foreground`: 8-bit, not 0 where foreground, of
+// the image's size.
 void DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
                  const SlowLight& slow_light, cv::Mat& foreground);
 

@@ -143,7 +143,7 @@ class VariantRemask {
       Mask mask(size);
       for (const cv::Mat& picture : ImagesInPng(raw->png)) {
         if (picture.size() != reference.size()) return Unreadable(number, v);
-        mask = mask | Difference(picture, reference, options_.segmentation, size);
+        mask = mask | RobotMask(picture, reference, options_.segmentation, size);
       }
       masks.push_back(std::move(mask));
     }

@@ -147,7 +147,7 @@ std::vector<Mask> RobotMasks(const SessionParts& parts, const Visit& visit) {
   std::vector<Mask> masks;
   for (size_t v = 0; v < visit.images.images.size(); ++v) {
     const auto mask_of = [&](const cv::Mat& image) {
-      return Difference(image, parts.references[v], parts.segmentation, sizes[v]);
+      return RobotMask(image, parts.references[v], parts.segmentation, sizes[v]);
     };
     Mask mask = mask_of(visit.images.images[v]);
     for (const std::vector<cv::Mat>& set : visit.earlier) mask = mask | mask_of(set[v]);

@@ -131,6 +131,7 @@ absl::StatusOr<SceneMask> ShownIn(const ServedDatabase& database, int view, cons
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(scene->mask, size));
     if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
+    if (scene->thin) RETURN_IF_ERROR(CheckMask(*scene->thin, size));
     return *scene;
   }
   if (const auto* obstacles = std::get_if<ObstacleMask>(&input.image)) {
@@ -177,18 +178,23 @@ struct ViewSource {
 };
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
-                     const SegmentationSettings& segmentation, absl::Time captured, Scene& scene,
+                     const SegmentationSettings& segmentation, absl::Time captured,
+                     const std::vector<RobotCover>& covers, Scene& scene,
                      std::vector<ViewSource>& sources) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
   ASSIGN_OR_RETURN(SceneMask shown, ShownIn(database, view, input, segmentation));
+  const auto at = static_cast<size_t>(view);
+  if (shown.thin && !covers.empty()) {
+    shown.mask = shown.mask | (*shown.thin & covers[at].anywhere);
+  }
   const ViewTreatment& treatment = database.treatment(view);
-  scene.views[static_cast<size_t>(view)] = SceneView{.name = input.view,
-                                                     .captured = captured,
-                                                     .foreground = std::move(shown.mask),
-                                                     .strong = std::move(shown.strong),
-                                                     .ignored = treatment.ignored,
-                                                     .margin = treatment.margin};
-  sources[static_cast<size_t>(view)] = {&input, shown.condition};
+  scene.views[at] = SceneView{.name = input.view,
+                              .captured = captured,
+                              .foreground = std::move(shown.mask),
+                              .strong = std::move(shown.strong),
+                              .ignored = treatment.ignored,
+                              .margin = treatment.margin};
+  sources[at] = {&input, shown.condition};
   return absl::OkStatus();
 }
 
@@ -310,7 +316,7 @@ SceneMask SceneMaskOf(const cv::Mat& image, const cv::Mat& foreground,
   const auto at = static_cast<size_t>(view);
   GradedMask mask = Graded(foreground, database.robot_images().mask_sizes()[at], min_cover);
   return {std::move(mask.all), std::move(mask.strong),
-          ConditionOf(image, foreground, database.outlines(), at)};
+          ConditionOf(image, foreground, database.outlines(), at), std::move(mask.thin)};
 }
 
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,
@@ -342,7 +348,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
     if (!captured.ok()) return InField(captured.status(), i, view);
     const absl::Status added =
-        AddView(database, view, segmentation, captured->time, scene, sources);
+        AddView(database, view, segmentation, captured->time, robot.covers, scene, sources);
     if (!added.ok()) return InField(added, i, view);
     if (captured->running < scene.oldest.running) scene.oldest = *captured;
     newest = std::max(newest, captured->running);

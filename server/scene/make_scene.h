@@ -31,6 +31,9 @@ struct SceneMask {
   std::optional<Mask> strong = std::nullopt;
   // Of the camera image that the mask was made of, where there was one.
   std::optional<ImageCondition> condition = std::nullopt;
+  // Further pixels that are foreground if the robot is there (GradedMask::thin), so that the thin
+  // parts of the robot are seen, as in its images; nothing: none.
+  std::optional<Mask> thin = std::nullopt;
 };
 // Of a camera image of a view of the database, and its GradedForeground(). Throws what
 // ConditionOf() does.

@@ -21,6 +21,7 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/robot_in_reference.h"
 
 namespace silhouette {
 namespace {
@@ -106,11 +107,11 @@ nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellF
   return json;
 }
 
-// The views in which something moved, it in colour.
-absl::Status WriteMoved(const CellFile& file, const std::vector<MovedInView>& moved,
-                        const std::string& path) {
+// The views in which something is that should not be there, it in colour.
+absl::Status WriteMarked(const CellFile& file, const std::vector<MovedInView>& views,
+                         const std::string& title, const std::string& path) {
   std::vector<CaptionedPicture> pictures;
-  for (const MovedInView& view : moved) {
+  for (const MovedInView& view : views) {
     const cv::Mat image = view.image.isContinuous() ? view.image : view.image.clone();
     Picture picture =
         PictureOfPixels(image.cols, image.rows, image.channels(),
@@ -121,20 +122,22 @@ absl::Status WriteMoved(const CellFile& file, const std::vector<MovedInView>& mo
     pictures.push_back({picture, absl::StrFormat("%s: %d pixels", file.cell.views[view.view].name,
                                                  cv::countNonZero(view.moved))});
   }
-  return WritePng(path, ContactSheet(pictures, {.title = "Moved while reference images were taken",
-                                                .columns = 0,
-                                                .legend = {}}));
+  return WritePng(path, ContactSheet(pictures, {.title = title, .columns = 0, .legend = {}}));
+}
+
+std::string NamesOf(const CellFile& file, const std::vector<MovedInView>& views) {
+  std::vector<std::string> names;
+  for (const MovedInView& view : views) names.push_back(file.cell.views[view.view].name);
+  return absl::StrCat("'", absl::StrJoin(names, "', '"), "'");
 }
 
 // Says so.
 absl::StatusOr<ExitCode> RefuseMoved(const CellArguments& arguments, const CellFile& file,
                                      const std::vector<MovedInView>& moved) {
   const std::string picture = BesideDatabase(file.database, ".moved.png");
-  RETURN_IF_ERROR(WriteMoved(file, moved, picture));
-  std::vector<std::string> names;
-  for (const MovedInView& view : moved) names.push_back(file.cell.views[view.view].name);
-  std::cerr << "silhouette-capture: something moved in '" << absl::StrJoin(names, "', '")
-            << "' while the reference images were taken (see " << picture
+  RETURN_IF_ERROR(WriteMarked(file, moved, "Moved while reference images were taken", picture));
+  std::cerr << "silhouette-capture: something moved in " << NamesOf(file, moved)
+            << " while the reference images were taken (see " << picture
             << "); no reference images were stored. The robot, or a person, would be part of the "
                "empty cell: take them out of all views, then: "
             << arguments.Command("reference")
@@ -143,10 +146,26 @@ absl::StatusOr<ExitCode> RefuseMoved(const CellArguments& arguments, const CellF
   return kNo;
 }
 
+absl::StatusOr<ExitCode> RefuseRobot(const CellArguments& arguments, const CellFile& file,
+                                     const std::vector<MovedInView>& robot) {
+  const std::string picture = BesideDatabase(file.database, ".robot.png");
+  RETURN_IF_ERROR(WriteMarked(file, robot, "The robot's outline by its joint values", picture));
+  std::cerr << "silhouette-capture: the robot stands in " << NamesOf(file, robot) << " (see "
+            << picture
+            << "); no reference images were stored, as it would be part of the empty cell. Take it "
+               "out of all views, or, where it cannot leave: "
+            << arguments.Command("reference")
+            << " --with-robot (--accept-robot: it is not there, and what looks like its outline is "
+               "the cell's)"
+            << std::endl;
+  return kNo;
+}
+
 struct ReferenceArguments {
   CellArguments cell;
   bool with_robot = false;
   bool accept_motion = false;
+  bool accept_robot = false;
   int images = 0;  // 0: as the cell's file says; with the robot kImagesWithRobot
 };
 
@@ -189,6 +208,10 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   }
   if (!taken.ok()) return taken.status();
   if (!moved.empty() && !options.accept_motion) return RefuseMoved(arguments, file, moved);
+  if (!options.with_robot && !options.accept_robot) {
+    ASSIGN_OR_RETURN(const auto robot, FindRobot(file.cell, *database, *taken));
+    if (!robot.empty()) return RefuseRobot(arguments, file, robot);
+  }
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
@@ -204,7 +227,9 @@ void AddReference(CLI::App& app, Work& work) {
       "reference",
       "Takes the reference images: what the cameras see of the cell without the robot.\n"
       "Makes the database if it is not there. A simulated robot is taken out of the cell;\n"
-      "take a real one out of all views yourself. Where it cannot leave: --with-robot.");
+      "take a real one out of all views yourself. Where it cannot leave: --with-robot.\n"
+      "Refuses (exit code 1, with a picture) if something moves, or if the robot is in a view by\n"
+      "its joint values, its model and the camera models.");
   command->footer(
       "Example:\n  silhouette-capture reference --cell cell.yaml --database cell.lmdb\n"
       "  silhouette-capture reference --cell cell.yaml --with-robot --images 60");
@@ -216,6 +241,9 @@ void AddReference(CLI::App& app, Work& work) {
   command->add_flag("--accept-motion", arguments->accept_motion,
                     "Store them although something moved in a view, such as a screen or a fan.\n"
                     "Make sure that neither the robot nor a person is in any view");
+  command->add_flag("--accept-robot", arguments->accept_robot,
+                    "Store them although the image has edges where the robot's outline would be by "
+                    "its joint values.\nMake sure that the robot is in no view");
   command
       ->add_option("--images", arguments->images,
                    "Sets of images (default: reference_images of the cell's file; 40 with the "

@@ -7,16 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
-#include "calib/camera/calibration.h"
-#include "calib/files/calibration_message.h"
-#include "calib/robot/parts.h"
-#include "calib/robot/robot_model.h"
 #include "capture/session/capture_session.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/expected_robot.h"
 #include "tools/silhouette-capture/opened_cell.h"
 #include "tools/silhouette-capture/run_plan.h"
 #include "tools/silhouette-capture/session_log.h"
@@ -199,36 +196,6 @@ void WriteReport(const RunOptions& options, const CellFile& file, const Database
   std::cerr << VerdictOf(*facts) << "; report: " << folder << "/report.html" << std::endl;
 }
 
-// Where the robot must be in the images; nothing, and a line on stderr where that is a loss, if
-// model or camera models are not there.
-absl::StatusOr<std::optional<DrawnRobot>> ExpectedRobotOf(const CellFile& file,
-                                                          const Database& database) {
-  const Cell& cell = file.cell;
-  const FirstLookSettings& look = cell.capture.first_look;
-  const std::optional<DrawnRobot> none;
-  if (cell.robot.urdf.empty() || look.configurations == 0 || look.least_overlap == 0) return none;
-  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-  ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
-  if (!stored) return none;
-  ASSIGN_OR_RETURN(const Calibration calibration, CalibrationFrom(*stored));
-  if (calibration.cameras.empty()) return none;
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  PartSettings settings;
-  settings.most_parts = 4;  // coarse is enough
-  std::vector<std::string> joints;
-  for (const GridJoint& joint : cell.grid.joints()) joints.push_back(joint.name);
-  for (const FixedJoint& joint : cell.fixed_joints) joints.push_back(joint.name);
-  // Compared with captured images by a share of pixels: the calibration's error is within it.
-  auto expected = DrawnRobotOf(robot, settings, joints, {}, calibration, database.mask_sizes(), 0);
-  if (!expected.ok()) {
-    std::cerr << "whether the robot is in the right place in the first images is not checked: "
-              << expected.status().message() << std::endl;
-    return none;
-  }
-  return std::optional<DrawnRobot>(*std::move(expected));
-}
-
 absl::StatusOr<bool> HasDrawnImages(const Database& database) {
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
@@ -261,7 +228,13 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
     return FailedPrecondition("the robot images in '", file.database,
                               "' were drawn; capture into another database");
   }
-  ASSIGN_OR_RETURN(auto expected, ExpectedRobotOf(file, **database));
+  const FirstLookSettings& look = file.cell.capture.first_look;
+  std::optional<DrawnRobot> expected;
+  if (look.configurations > 0 && look.least_overlap > 0) {
+    ASSIGN_OR_RETURN(
+        expected, ExpectedRobotOf(file.cell, **database, (*database)->mask_sizes(),
+                                  "whether the robot is in the right place in the first images"));
+  }
   auto session =
       CaptureSession::Create(**database, travel, *devices.robot, *devices.cameras,
                              file.cell.capture, file.cell.segmentation, std::move(expected));

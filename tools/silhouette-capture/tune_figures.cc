@@ -44,8 +44,8 @@ TunedImage Tune(const TuneImage& image, const std::vector<TuneVariant>& variants
   TunedImage tuned;
   std::vector<Mask> masks;
   for (const TuneVariant& variant : variants) {
-    const ForegroundSteps steps =
-        StepsToForeground(image.image, *image.reference, variant.settings);
+    ForegroundSteps steps = StepsToForeground(image.image, *image.reference, variant.settings);
+    if (image.recorded) steps.foreground |= steps.thin;
     tuned.steps.push_back(steps);
     masks.push_back(DownSample(steps.foreground, mask_size, variant.settings.min_cover));
     const cv::Mat& first = tuned.steps.front().foreground;

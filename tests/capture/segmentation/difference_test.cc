@@ -209,7 +209,7 @@ TEST(GradedForeground, StrongIsWhatHigherLimitsFind) {
     SegmentationSettings settings;
     const cv::Mat graded = GradedForeground(image, reference, settings);
     const cv::Mat found = Foreground(image, reference, settings);
-    EXPECT_EQ(cv::norm(graded > 0, found, cv::NORM_INF), 0);
+    EXPECT_EQ(cv::norm(graded > kThinEvidence, found, cv::NORM_INF), 0);
     settings.faint_difference *= kStrongFactor;
     settings.texture_difference *= kStrongFactor;
     const cv::Mat strong = Foreground(image, reference, settings);
@@ -279,6 +279,29 @@ TEST(Difference, SpeckIsDroppedAndPinholeIsFilled) {
   settings.clean_up_radius = 0;
   settings.min_blob_pixels = 0;
   EXPECT_EQ(cv::countNonZero(Foreground(image, reference, settings)), 12 * 12);  // speck, no hole
+}
+
+// Two fingers of a gripper, each of two camera pixels: the opening takes away less than three.
+TEST(Difference, ThinPartsOfTheRobotStayInItsMask) {
+  const cv::Mat empty(64, 64, CV_8UC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(std::vector<cv::Mat>{empty, empty});
+  cv::Mat image = empty.clone();
+  cv::rectangle(image, cv::Rect(10, 10, 16, 16), cv::Scalar(200), cv::FILLED);
+  cv::rectangle(image, cv::Rect(26, 11, 9, 2), cv::Scalar(200), cv::FILLED);
+  cv::rectangle(image, cv::Rect(26, 22, 9, 2), cv::Scalar(200), cv::FILLED);
+  cv::rectangle(image, cv::Rect(50, 50, 2, 9), cv::Scalar(200), cv::FILLED);  // joins nothing
+  const SegmentationSettings settings{.faint_difference = 0, .texture_difference = 0};
+  const Mask robot = RobotMask(image, reference, settings, {64, 64});
+  for (int x = 10; x < 35; ++x) {
+    EXPECT_TRUE(robot.at(x, 11) && robot.at(x, 12) && robot.at(x, 22) && robot.at(x, 23)) << x;
+  }
+  EXPECT_FALSE(robot.at(30, 14)) << "between the fingers";
+  EXPECT_FALSE(robot.at(50, 54));
+  const GradedMask scene = Graded(GradedForeground(image, reference, settings), {64, 64}, 0);
+  EXPECT_EQ(scene.all, Difference(image, reference, settings, {64, 64}));
+  EXPECT_FALSE(scene.all.at(30, 11)) << "in a scene noise could be as thin";
+  EXPECT_EQ(scene.all | scene.thin, robot);
+  EXPECT_TRUE((scene.all & scene.thin).Empty());
 }
 
 // A box 5 levels brighter than the cell: less than any pixel's threshold.
@@ -427,6 +450,23 @@ TEST_F(ShadowsTest, ThingInItsOwnShadowIsFound) {
   const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference_, kIgnoring);
   EXPECT_GT(cv::countNonZero(foreground(box_)), 0.8 * box_.area());
   EXPECT_LT(cv::countNonZero(foreground) - cv::countNonZero(foreground(box_)), 300);
+}
+
+// On a cell without texture a shadow stays; that it is a thing is no more than possible.
+TEST_F(ShadowsTest, EvidenceThatAShadowCouldExplainIsWeak) {
+  const cv::Mat plain(120, 160, CV_64FC1, cv::Scalar(120));
+  const Reference reference = Reference::FromImages(ExposeSeries(plain, 20, 1.5, random_));
+  const auto evidence = [&](double level, const SegmentationSettings& settings) {
+    cv::Mat light = plain.clone();
+    light(box_) = level;
+    const cv::Mat graded = GradedForeground(Expose(light, 1, 1.5, random_), reference, settings);
+    EXPECT_GT(cv::countNonZero(graded), 0.95 * box_.area()) << level;
+    return cv::countNonZero(graded(box_) == kStrongEvidence) / double(box_.area());
+  };
+  EXPECT_EQ(evidence(84, kIgnoring), 0);
+  EXPECT_GT(evidence(84, {}), 0.95);
+  EXPECT_GT(evidence(20, kIgnoring), 0.95) << "darker than a shadow";
+  EXPECT_GT(evidence(160, kIgnoring), 0.95) << "brighter than the cell";
 }
 
 TEST_F(ShadowsTest, WithoutTextureAShadowStaysForeground) {

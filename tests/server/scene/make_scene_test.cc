@@ -93,6 +93,19 @@ TEST_F(MakeSceneTest, FaintRimOfTheRobotIsUnknownIfItIsKnownToBeFaint) {
   EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
 }
 
+TEST_F(MakeSceneTest, ThinPartsAreForegroundWhereTheRobotIsAndNowhereElse) {
+  const Mask robot = RobotMask(0, 0, 0);
+  input.views[0].image = SceneMask{.mask = Mask(robot.size()), .thin = ~Mask(robot.size())};
+  const absl::StatusOr<Scene> scene = Make(*database, input);
+  ASSERT_TRUE(scene.ok()) << scene.status();
+  EXPECT_THAT(scene->defects, IsEmpty());
+  EXPECT_EQ(scene->views[0]->foreground, robot);
+  EXPECT_EQ(scene->obstacle_images[0]->unknown(), robot);
+  EXPECT_TRUE(scene->obstacle_images[0]->obstacle().Empty());
+  input.views[0].image = SceneMask{.mask = robot, .thin = Mask({3, 3})};
+  EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
+}
+
 TEST_F(MakeSceneTest, TakesViewsInAnyOrder) {
   std::swap(input.views[0], input.views[2]);
   const absl::StatusOr<Scene> scene = Make(*database, input);

@@ -93,6 +93,33 @@ TEST_F(ServedSession, RobotAndCamerasOfTheNetworkGiveTheRobotImagesOfTheCell) {
   }
 }
 
+TEST_F(ServedSession, ReferenceIsRefusedWhileTheRobotStandsInAView) {
+  const auto shell = [](const std::string& command) {
+    const std::string whole = std::string(SILHOUETTE_BIN_DIR) + "/" + command + " >/dev/null 2>&1";
+    ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
+  };
+  cell_.WriteCell({});
+  shell("silhouette-sim calibration --cell " + cell_.cell() + " --out " + cell_ / "true");
+  WriteCell({{"driver: sim",
+              "driver: {simple_message: {host: 127.0.0.1, byte_order: little, joints: [joint_1, "
+              "joint_2, joint_3, joint_4, joint_5, joint_6]}}"}});
+  // The camera models come with a calibration. Without it nothing says where the robot would be.
+  TakeReferences();
+  shell("silhouette-db calibration import " + cell_.database() + " " + cell_ / "true");
+  {
+    const Served empty(cell_.cell(),
+                       {"--cameras", "gige", "--robot", "simple_message", "--without-robot"});
+    EXPECT_EQ(cell_.Run(cell_.Arguments("reference")).exit_code, 0);
+  }
+  const Served served(cell_.cell(), {"--cameras", "gige", "--robot", "simple_message"});
+  const Outcome refused = cell_.Run(cell_.Arguments("reference"));
+  EXPECT_EQ(refused.exit_code, 1) << refused.out;
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("the robot stands in 'top', 'front'"),
+                                 HasSubstr("no reference images were stored")));
+  EXPECT_TRUE(std::filesystem::exists(cell_.database() + ".robot.png"));
+  EXPECT_EQ(cell_.Run(cell_.Arguments("reference", {"--accept-robot"})).exit_code, 0);
+}
+
 TEST_F(ServedSession, EndsSafelyWhenTheCamerasGoAwayAndGoesOnWhenTheyAreBack) {
   // The served robot stands still: the one that moves is not the one that the cameras see.
   WriteCell({{"keep_free: 0 B", "keep_free: 0 B\n  first_look: {configurations: 0}"}});

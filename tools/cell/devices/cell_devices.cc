@@ -105,6 +105,12 @@ absl::StatusOr<CellDevices> OpenDevicesForCalibration(const Cell& cell) {
   return DevicesOf(cell, simulation);
 }
 
+absl::StatusOr<std::unique_ptr<Robot>> OpenRobotAlone(const Cell& cell) {
+  RETURN_IF_ERROR(CheckRobot(cell));
+  if (HasSimulatedRobot(cell)) return CellMistake(cell, "a simulated robot is in its cell only");
+  return OpenRobot(cell, nullptr);
+}
+
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfEmptyCell(const Cell& cell) {
   ASSIGN_OR_RETURN(const auto simulation, SimulationOfCameras(cell));
   if (simulation != nullptr) simulation->SetRobotPresent(false);

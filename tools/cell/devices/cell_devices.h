@@ -41,6 +41,10 @@ struct CellOpeners {
 absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
                                       const std::string& obstacles);
 
+// The robot alone, to ask it where it is. InvalidArgument: the file names no driver, or a simulated
+// robot, which is nowhere without its cell.
+absl::StatusOr<std::unique_ptr<Robot>> OpenRobotAlone(const Cell& cell);
+
 // For reference images: the cameras alone. A simulated cell is empty.
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCamerasOfEmptyCell(const Cell& cell);
 

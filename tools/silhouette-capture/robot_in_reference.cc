@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-capture/robot_in_reference.h"
+
+#include <algorithm>
+#include <iostream>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <variant>
+
+#include "capture/session/cell_robot.h"
+#include "capture/session/robot_outline.h"
+#include "db/status/status_macros.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/silhouette-capture/expected_robot.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kWhetherRobotIsThere[] = "whether the robot is in a reference image";
+constexpr int kLongestSide = 640;  // of the images that it is looked for in
+
+// Whether the robot is asked where it is, and no operator.
+bool Reports(const RobotDriver& driver) {
+  if (const auto* manual = std::get_if<ManualRobotSettings>(&driver)) {
+    return !std::holds_alternative<std::monostate>(manual->read);
+  }
+  return !std::holds_alternative<std::monostate>(driver) &&
+         !std::holds_alternative<SimulatedRobotDriver>(driver);
+}
+
+// Where the robot says that it is, as CellRobot has it.
+absl::StatusOr<std::vector<double>> ReportedJoints(const Cell& cell, const Database& database) {
+  ASSIGN_OR_RETURN(const auto robot, OpenRobotAlone(cell));
+  ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), *robot));
+  return cell_robot.Measure();
+}
+
+MaskSize SizeToLookIn(cv::Size image) {
+  const int scale = std::max(1, (std::max(image.width, image.height) - 1) / kLongestSide + 1);
+  return {image.width / scale, image.height / scale};
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<MovedInView>> FindRobot(const Cell& cell, const Database& database,
+                                                   const storage::v1::References& taken) {
+  std::vector<MovedInView> found;
+  if (!Reports(cell.robot.driver)) return found;
+  ASSIGN_OR_RETURN(const auto references, ReferencesIn(taken, database.cell()));
+  std::vector<MaskSize> sizes;
+  for (const Reference& reference : references) sizes.push_back(SizeToLookIn(reference.size()));
+  ASSIGN_OR_RETURN(const auto robot, ExpectedRobotOf(cell, database, sizes, kWhetherRobotIsThere));
+  if (!robot) return found;
+  const auto joints = ReportedJoints(cell, database);
+  if (!joints.ok()) {
+    std::cerr << kWhetherRobotIsThere << " is not checked: " << joints.status().message()
+              << std::endl;
+    return found;
+  }
+  const std::vector<Mask> masks = robot->Touched(*joints);
+  for (size_t view = 0; view < masks.size(); ++view) {
+    cv::Mat image;
+    references[view].AsGrey().mean().convertTo(image, CV_8U, 1.0 / Reference::kGreyLevel);
+    const auto outline = FindOutline(image, masks[view]);
+    if (!outline || !outline->Seen()) continue;
+    cv::Mat marked;
+    cv::resize(OutlineOf(masks[view]), marked, image.size(), 0, 0, cv::INTER_NEAREST);
+    found.push_back({view, image, marked});
+  }
+  return found;
+}
+
+}  // namespace silhouette
