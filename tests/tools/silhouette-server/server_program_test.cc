@@ -6,7 +6,9 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <regex>
+#include <sstream>
 #include <thread>
 
 #include "calib/files/calibration_message.h"
@@ -25,6 +27,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using ::testing::Pair;
 using ::testing::StartsWith;
 
 constexpr char kCell[] = R"(name: server test
@@ -372,6 +375,51 @@ TEST_F(ServerProgramTest, TruncatedDatabaseIsTold) {
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 3);
   EXPECT_THAT(errors, HasSubstr(database));
+}
+
+TEST_F(ServerProgramTest, PlainTextForOtherMachinesIsRefusedUnlessAskedFor) {
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--listen", "0.0.0.0:0"}), 2);
+  EXPECT_THAT(errors,
+              AllOf(HasSubstr("will not speak plain text on 0.0.0.0:0"), HasSubstr("--insecure")));
+  ServerProgram program(
+      folder, {"--cell", cell, "--database", database, "--listen", "0.0.0.0:0", "--insecure"});
+  EXPECT_THAT(program.Address(), StartsWith("0.0.0.0:"));
+}
+
+TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
+  const std::string made =
+      SILHOUETTE_SOURCE_DIR "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
+  ASSERT_EQ(std::system(made.c_str()), 0);
+  WriteFile(cell,
+            absl::StrCat(kCell,
+                         "server: {tls: {certificate: server.pem, key: server.key, client_ca: "
+                         "ca.pem}, roles: {planner: [planner]}, audit: audit.jsonl}\n"));
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const std::string client =
+      absl::StrCat("cd '", folder.string(), "' && ", SILHOUETTE_BIN_DIR, "/silhouette --server ",
+                   program.Address(), " > client.out 2>&1 ");
+  const std::string tls = "--tls-ca ca.pem --tls-certificate planner.pem --tls-key planner.key ";
+  const auto run = [&](const std::string& arguments) {
+    const int status = std::system((client + arguments).c_str());
+    std::ostringstream text;
+    text << std::ifstream(folder / "client.out").rdbuf();
+    return std::pair(WEXITSTATUS(status), text.str());
+  };
+  EXPECT_THAT(run(tls + "check 1,0"), Pair(1, HasSubstr("no scene")));
+  EXPECT_THAT(run(tls + "region revoke part"),
+              Pair(2, HasSubstr("which needs the role operator: it has the role planner")));
+  EXPECT_THAT(run("check 1,0"), Pair(3, HasSubstr("no server answers")));
+  EXPECT_THAT(run("--tls-ca ca.pem check 1,0"), Pair(2, HasSubstr("needs three files")));
+  program.Signal(SIGHUP);
+  while (program.Errors().find("reloaded") == std::string::npos) std::this_thread::yield();
+  EXPECT_THAT(program.Errors(), HasSubstr("server.pem' is valid until"));
+  EXPECT_EQ(program.End(SIGTERM), 0);
+  const std::string verify = absl::StrCat(SILHOUETTE_BIN_DIR, "/silhouette-db audit verify ",
+                                          (folder / "audit.jsonl").string(), " > /dev/null");
+  EXPECT_EQ(std::system(verify.c_str()), 0);
+  std::ofstream(folder / "audit.jsonl", std::ios::app) << "{}\n";
+  EXPECT_EQ(WEXITSTATUS(std::system(verify.c_str())), 1);
 }
 
 // A server of a database with a collision index, and scenes for it.

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+// A server behind its gate: who gets in, what each may do, and what is recorded.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_split.h"
+#include "proto/tls/channel_credentials.h"
+#include "server/audit/audit_log.h"
+#include "server/gate/credentials.h"
+#include "silhouette/client.h"
+#include "silhouette/messages.h"
+#include "tests/server/service/raw_call.h"
+#include "tests/server/service/test_server.h"
+#include "tests/shell.h"
+
+namespace silhouette {
+namespace {
+
+using client::ClientTls;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// Certificates of tools/certificates in a new folder.
+std::filesystem::path MakeCertificates(const std::string& host = "127.0.0.1") {
+  const std::filesystem::path folder = FreshFolder();
+  const std::string command = SILHOUETTE_SOURCE_DIR "/tools/certificates '" + folder.string() +
+                              "' " + host + " > /dev/null";
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  return folder;
+}
+
+const std::filesystem::path& Certificates() {
+  static const std::filesystem::path folder = MakeCertificates();
+  return folder;
+}
+
+void CopyCertificates(const std::filesystem::path& from, const std::filesystem::path& to) {
+  for (const auto& file : std::filesystem::directory_iterator(from)) {
+    std::filesystem::copy_file(file.path(), to / file.path().filename(),
+                               std::filesystem::copy_options::overwrite_existing);
+  }
+}
+
+ClientTls TlsOf(const std::string& role, const std::filesystem::path& folder = Certificates()) {
+  return {.ca = folder / "ca.pem",
+          .certificate = folder / (role + ".pem"),
+          .key = folder / (role + ".key")};
+}
+
+GateSettings TlsGate(const std::filesystem::path& folder = Certificates()) {
+  GateSettings gate;
+  gate.tls = TlsFiles{.certificate = folder / "server.pem",
+                      .key = folder / "server.key",
+                      .client_ca = folder / "ca.pem"};
+  gate.roles = Roles({{Role::kPlanner, {"planner"}},
+                      {Role::kPublisher, {"publisher"}},
+                      {Role::kOperator, {"operator"}},
+                      {Role::kAdministrator, {"administrator"}}});
+  return gate;
+}
+
+struct GateTest : testing::Test {
+  void Start(const GateSettings& gate, const std::string& address = "127.0.0.1:0") {
+    ServingSettings settings;
+    settings.gate = gate;
+    settings.audit = *AuditLog::Open(audit);
+    auto started = Server::Start(address, NewDatabase(), settings);
+    ASSERT_TRUE(started.ok()) << started.status();
+    server = *std::move(started);
+  }
+
+  Client ClientOf(const ClientTls& tls) const {
+    return Client::Connect(server->address(), absl::Seconds(5), tls).value();
+  }
+  absl::Status Ask(const ClientTls& tls) const { return ClientOf(tls).GetDatabase().status(); }
+
+  // Waits for the audit file to be whole.
+  std::string Audited() {
+    server.reset();
+    EXPECT_TRUE(ReadAudit(audit).ok()) << ReadAudit(audit).status();
+    return ContentOf(audit);
+  }
+
+  const std::string audit = FreshFolder() / "audit.jsonl";
+  std::unique_ptr<Server> server;
+};
+
+// The kinds of calls that do not end with PermissionDenied.
+std::set<std::string> AllowedFor(const Client& client) {
+  const std::vector<Configuration> path = {At(0, 0), At(1, 0)};
+  v1::AllowRegionRequest region;
+  region.set_name("part");
+  auto watch = client.WatchPath(path);
+  const std::pair<std::string, absl::Status> ends[] = {
+      {"check", client.CheckPath(path).status()},
+      {"space", client.GetConfigurationSpace().status()},
+      {"watch", watch.ok() ? watch->Next(absl::Seconds(5)).status() : watch.status()},
+      {"explain", client.Explain(At(0, 0)).status()},
+      {"publish", client.PublishScene(RequestOf(EmptyCellScene())).status()},
+      {"allow", client.AllowRegion(region).status()},
+      {"revoke", client.RevokeRegion("part").status()},
+      {"variant", client.ChangeVariant("default").status()},
+      {"read", client.GetDatabase().status()},
+      {"read regions", client.ListAllowedRegions().status()}};
+  std::set<std::string> allowed;
+  for (const auto& [kind, status] : ends) {
+    EXPECT_FALSE(absl::IsUnavailable(status)) << kind << ": " << status;
+    if (!absl::IsPermissionDenied(status)) allowed.insert(kind);
+  }
+  return allowed;
+}
+
+TEST_F(GateTest, EachRoleMakesItsOwnCallsAndDeniedOnesAreRecorded) {
+  Start(TlsGate());
+  using Kinds = std::set<std::string>;
+  const Kinds planner = {"check", "space", "watch", "explain", "read", "read regions"};
+  const Kinds publisher = {"publish", "read", "read regions"};
+  const Kinds operators = {"allow", "revoke", "variant", "read", "read regions"};
+  EXPECT_EQ(AllowedFor(ClientOf(TlsOf("planner"))), planner);
+  EXPECT_EQ(AllowedFor(ClientOf(TlsOf("publisher"))), publisher);
+  EXPECT_EQ(AllowedFor(ClientOf(TlsOf("operator"))), operators);
+  Kinds all = planner;
+  all.insert(publisher.begin(), publisher.end());
+  all.insert(operators.begin(), operators.end());
+  EXPECT_EQ(AllowedFor(ClientOf(TlsOf("administrator"))), all);
+  const std::string audited = Audited();
+  const std::string publish =
+      "\"call.denied\",\"detail\":\"/silhouette.v1.SceneService/PublishScene\"";
+  EXPECT_THAT(audited,
+              AllOf(HasSubstr("\"who\":\"'planner'\",\"what\":" + publish),
+                    HasSubstr("\"who\":\"'operator'\",\"what\":" + publish),
+                    Not(HasSubstr("\"who\":\"'administrator'\",\"what\":\"call.denied\""))));
+}
+
+TEST_F(GateTest, ChangesAreRecordedWithTheNameOfWhoMadeThem) {
+  Start(TlsGate());
+  const Client publisher = ClientOf(TlsOf("publisher"));
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(publisher.PublishScene(RequestOf(EmptyCellScene())).ok());
+  }
+  const Client on_duty = ClientOf(TlsOf("operator"));
+  ASSERT_TRUE(on_duty.AllowRegion(RegionAt("part", 1, absl::Seconds(5), Block)).ok());
+  ASSERT_TRUE(on_duty.RevokeRegion("part").ok());
+  server->ReplaceDatabase(NewDatabase());
+  for (int i = 0; i < 2; ++i) {
+    CalibrationTrust moved;
+    moved.message = "moved";
+    server->SetTrust(std::make_shared<const CalibrationTrust>(moved));
+  }
+  std::vector<std::string> changes;
+  for (const auto& line : absl::StrSplit(Audited(), '\n', absl::SkipEmpty())) {
+    const auto json = nlohmann::json::parse(std::string(line));
+    changes.push_back(json["what"].get<std::string>() + " by " +
+                      json["who"].get<std::string>().substr(0, 10));
+  }
+  EXPECT_THAT(changes, ElementsAre("server.start by server", "scene.source by 'publisher",
+                                   "region.allow by 'operator'", "region.revoke by 'operator'",
+                                   "database.reload by server", "calibration.check by server",
+                                   "server.stop by server"));
+}
+
+TEST_F(GateTest, HealthAndReflectionAreOpenToAnyCertificateOfTheAuthority) {
+  GateSettings gate = TlsGate();
+  gate.roles = Roles({{Role::kPlanner, {"other"}}});
+  Start(gate);
+  const ClientTls tls = TlsOf("planner");
+  const auto channel = grpc::CreateChannel(
+      server->address(),
+      *ChannelCredentialsFor(server->address(), {tls.ca, tls.certificate, tls.key}));
+  EXPECT_EQ(HealthOf(channel, ""), "\x08\x01");
+  EXPECT_THAT(RawCall(channel, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+                      "\x3a\x01*"),
+              HasSubstr("silhouette.v1.SceneService"));
+  const absl::Status denied = Ask(tls);
+  EXPECT_TRUE(absl::IsPermissionDenied(denied)) << denied;
+  EXPECT_THAT(std::string(denied.message()),
+              AllOf(HasSubstr("'planner' may not call GetDatabase, which needs a role"),
+                    HasSubstr("it has no role")));
+}
+
+TEST_F(GateTest, WithoutAValidCertificateNobodyGetsIn) {
+  Start(TlsGate());
+  const std::filesystem::path others = MakeCertificates();
+  std::filesystem::copy_file(Certificates() / "ca.pem", others / "ca.pem",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("administrator", others)))) << "of another authority";
+  const std::filesystem::path expired = FreshFolder();
+  CopyCertificates(Certificates(), expired);
+  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " SILHOUETTE_SOURCE_DIR
+                            "/tools/certificates '" +
+                            expired.string() + "' 127.0.0.1 > /dev/null";
+  ASSERT_EQ(std::system(again.c_str()), 0);
+  EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("administrator", expired)))) << "expired";
+  EXPECT_TRUE(absl::IsUnavailable(Ask({}))) << "plain text";
+  grpc::SslCredentialsOptions without{.pem_root_certs = ContentOf(Certificates() / "ca.pem"),
+                                      .pem_private_key = "",
+                                      .pem_cert_chain = ""};
+  const auto channel = grpc::CreateChannel(server->address(), grpc::SslCredentials(without));
+  grpc::ClientContext context;
+  v1::GetDatabaseResponse response;
+  const auto stub = v1::DatabaseService::NewStub(channel);
+  EXPECT_EQ(stub->GetDatabase(&context, {}, &response).error_code(), grpc::StatusCode::UNAVAILABLE)
+      << "no certificate";
+  EXPECT_TRUE(Ask(TlsOf("planner")).ok());
+}
+
+TEST_F(GateTest, ClientRefusesAServerOfAnotherNameOrAuthority) {
+  const std::filesystem::path elsewhere = MakeCertificates("cell.example");
+  Start(TlsGate(elsewhere));
+  const absl::Status status = Ask(TlsOf("planner", elsewhere));
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_THAT(std::string(status.message()), HasSubstr("wrong host"));
+  server.reset();
+  Start(TlsGate());
+  EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("planner", elsewhere))));
+}
+
+TEST_F(GateTest, RenewedCertificateIsUsedAndARunningWatchGoesOn) {
+  const std::filesystem::path folder = FreshFolder();
+  CopyCertificates(Certificates(), folder);
+  Start(TlsGate(folder));
+  const Client publisher = ClientOf(TlsOf("publisher"));
+  ASSERT_TRUE(publisher.GetDatabase().ok());  // connects
+  auto watch = ClientOf(TlsOf("planner")).WatchPath(std::vector<Configuration>{At(0, 0)});
+  ASSERT_TRUE(watch->Next(absl::Seconds(5)).ok());
+
+  // Of another authority: only who trusts the new one gets in.
+  const std::filesystem::path renewed = MakeCertificates();
+  CopyCertificates(renewed, folder);
+  EXPECT_TRUE(Ask(TlsOf("planner", renewed)).ok());
+  EXPECT_FALSE(ClientOf(TlsOf("operator")).GetDatabase().ok());
+  ASSERT_TRUE(publisher.PublishScene(RequestOf(EmptyCellScene())).ok());
+  const auto update = watch->Next(absl::Seconds(5));
+  EXPECT_TRUE(update.ok()) << update.status();
+
+  // Files that do not fit together leave those in use.
+  std::filesystem::copy_file(folder / "planner.key", folder / "server.key",
+                             std::filesystem::copy_options::overwrite_existing);
+  EXPECT_TRUE(ClientOf(TlsOf("publisher", renewed)).GetDatabase().ok());
+  std::filesystem::remove(folder / "server.pem");
+  EXPECT_TRUE(ClientOf(TlsOf("operator", renewed)).GetDatabase().ok());
+}
+
+TEST_F(GateTest, FilesOfTlsAreCheckedAtTheStart) {
+  const std::filesystem::path folder = FreshFolder();
+  CopyCertificates(Certificates(), folder);
+  const TlsFiles good = *TlsGate(folder).tls;
+  EXPECT_TRUE(ReadTls(good).ok()) << ReadTls(good).status();
+  const auto fault = [](const TlsFiles& files) {
+    return std::string(ReadTls(files).status().message());
+  };
+  EXPECT_THAT(fault({good.certificate, folder / "planner.key", good.client_ca}),
+              HasSubstr("planner.key' is not that of the certificate"));
+  EXPECT_THAT(fault({good.key, good.key, good.client_ca}), HasSubstr("holds no certificate"));
+  EXPECT_THAT(fault({good.certificate, good.certificate, good.client_ca}),
+              HasSubstr("holds no private key"));
+  EXPECT_THAT(fault({good.certificate, good.key, folder / "none"}), HasSubstr("cannot read"));
+  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " SILHOUETTE_SOURCE_DIR
+                            "/tools/certificates '" +
+                            folder.string() + "' 127.0.0.1 > /dev/null";
+  ASSERT_EQ(std::system(again.c_str()), 0);
+  EXPECT_THAT(fault(good), HasSubstr("and not now; renew it"));
+}
+
+TEST_F(GateTest, SocketHasItsModeAndItsGroupFromTheFirstMoment) {
+  const std::string path = FreshFolder() / "s";
+  GateSettings gate;
+  gate.socket_mode = 0620;
+  gate.socket_group = "root";
+  Start(gate, "unix:" + path);
+  struct stat status {};
+  ASSERT_EQ(stat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0620u);
+  EXPECT_TRUE(Ask({}).ok());
+  ServingSettings nobodys;
+  nobodys.gate.socket_group = "no-such-group";
+  const auto refused =
+      Server::Start("unix:" + (FreshFolder() / "s").string(), NewDatabase(), nobodys);
+  EXPECT_THAT(std::string(refused.status().message()),
+              HasSubstr("there is no group 'no-such-group'"));
+}
+
+TEST(GateSettings, PlainTextStaysOnThisMachineUnlessAskedFor) {
+  const auto fault = [](const std::string& address, const GateSettings& gate = {}) {
+    return std::string(CheckGate(address, gate).message());
+  };
+  GateSettings insecure;
+  insecure.insecure = true;
+  for (const std::string address :
+       {"127.0.0.1:1", "127.1.2.3:1", "[::1]:1", "localhost:1", "unix:/s"}) {
+    EXPECT_EQ(fault(address), "");
+  }
+  for (const std::string address : {"0.0.0.0:1", "[::]:1", "192.0.2.7:1", "[::ffff:192.0.2.7]:1"}) {
+    EXPECT_THAT(fault(address), HasSubstr("will not speak plain text on " + address));
+    EXPECT_EQ(fault(address, insecure), "");
+    EXPECT_EQ(fault(address, TlsGate()), "");
+  }
+  EXPECT_THAT(fault("unix:/s", TlsGate()), HasSubstr("is guarded by socket_mode"));
+  GateSettings half = TlsGate();
+  half.roles = {};
+  EXPECT_THAT(fault("127.0.0.1:1", half), HasSubstr("tls needs 'roles'"));
+  half = TlsGate();
+  half.tls.reset();
+  EXPECT_THAT(fault("127.0.0.1:1", half), HasSubstr("roles need 'tls'"));
+  half = {};
+  half.socket_mode = 0600;
+  EXPECT_THAT(fault("127.0.0.1:1", half), HasSubstr("are for unix:path"));
+}
+
+}  // namespace
+}  // namespace silhouette
