@@ -69,7 +69,8 @@ Connection::Connection(const std::string& address,
       databases_(v1::DatabaseService::NewStub(channel_)) {}
 
 // gRPC reads its sockets while a thread waits for it, else every five seconds. A call on a failed
-// connection fails at once: a client that only calls would leave each attempt unread until it is too old.
+// connection fails at once: a client that only calls would leave each attempt unread until it is
+// too old.
 void Connection::Reconnect(absl::Time deadline) const {
   constexpr absl::Duration kMoment = absl::Milliseconds(50);
   if (channel_->GetState(false) != GRPC_CHANNEL_TRANSIENT_FAILURE) return;
