@@ -13,7 +13,9 @@
 #include <utility>
 
 #include "calib/boards/charuco.h"
+#include "calib/boards/tag_family.h"
 #include "calib/detection/corner_fit.h"
+#include "calib/detection/missed_tags.h"
 
 namespace silhouette {
 namespace {
@@ -360,8 +362,15 @@ std::vector<DetectedTag> BoardDetector::Detect(const cv::Mat& image,
   if (tags_) all = tags_->Detect(image, lens);
   for (const Board& board : boards_) {
     const BoardKind kind = board.description().kind;
-    if (kind == BoardKind::kTags) continue;
-    std::vector<DetectedTag> marks = kind == BoardKind::kChessboard
+    if (kind == BoardKind::kTags && board.family() != kKalibrFamily) continue;
+    // A square that the library took for a part of a tag has drawn its corner away.
+    if (kind == BoardKind::kTags) {
+      std::erase_if(all, [&](const DetectedTag& tag) {
+        return board.HasTag(tag.family, tag.tag) && !tag.fitted;
+      });
+    }
+    std::vector<DetectedTag> marks = kind == BoardKind::kTags ? MissedTags(board, image, lens, all)
+                                     : kind == BoardKind::kChessboard
                                          ? DetectChessboard(board, image, lens)
                                          : DetectCharuco(board, image, lens);
     std::ranges::move(marks, std::back_inserter(all));

@@ -22,7 +22,8 @@ constexpr double kTilted = 15;          // degrees: a board that tells something
 constexpr double kWorstFit = 2;         // rms of the residuals, pixels: more is no fit at all
 constexpr double kMostOutliers = 0.25;  // the same, as a share of the corners
 constexpr double kWellCovered = 0.9;
-constexpr int kFieldsX = 8;  // in which coverage is counted
+constexpr double kWellKnown = 0.98;  // share of the image
+constexpr int kFieldsX = 8;          // in which coverage is counted
 constexpr int kFieldsY = 6;
 
 // What a camera saw.
@@ -118,6 +119,21 @@ int PlacesBeyondTheFold(const SolvedCamera& camera) {
       rim, [&](const Eigen::Vector2d& pixel) { return !camera.model->Ray(pixel).has_value(); }));
 }
 
+LensMap MapOf(const LensSolution& solution, size_t i, double most_uncertain) {
+  const SolvedCamera& camera = solution.cameras[i];
+  LensMap map{.columns = 17, .rows = 13, .sigmas{}, .limit = most_uncertain * camera.width};
+  for (int row = 0; row < map.rows; ++row) {
+    for (int column = 0; column < map.columns; ++column) {
+      const Eigen::Vector2d pixel((camera.width - 1.0) * column / (map.columns - 1),
+                                  (camera.height - 1.0) * row / (map.rows - 1));
+      const auto sigma = ProjectionSigma(solution, i, pixel, camera.distance);
+      map.sigmas.push_back(
+          sigma && std::isfinite(*sigma) ? *sigma : std::numeric_limits<double>::infinity());
+    }
+  }
+  return map;
+}
+
 double FocalLengthSigma(const LensSolution& solution, size_t i) {
   const SolvedCamera& camera = solution.cameras[i];
   const LensGroup& group = solution.groups[camera.group];
@@ -185,12 +201,19 @@ absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedC
     return FailedPrecondition(absl::StrFormat("%sthe focal length is known only to %.2g %%%s", view,
                                               100 * camera.focal_length_sigma, Because(lacks)));
   }
-  if (!(camera.edge_sigma <= settings.most_uncertain)) {
-    const std::string by = std::isfinite(camera.edge_sigma)
-                               ? absl::StrFormat("is uncertain by %.2g px", camera.edge_sigma)
-                               : "is not determined";
-    return FailedPrecondition(view, "the lens ", by, " at the image's rim",
-                              Because(Lacks(camera, seen, kWellCovered)));
+  const double known = camera.map.KnownShare();
+  if (!(known >= settings.least_known)) {
+    return FailedPrecondition(absl::StrFormat(
+        "%sin only %s of the image is the lens known to %.2g px (--most-uncertain, of the image's "
+        "width), at least %s are needed (--least-known)%s",
+        view, Percent(known), camera.map.limit, Percent(settings.least_known),
+        Because(Lacks(camera, seen, kWellCovered))));
+  }
+  if (known < kWellKnown) {
+    warnings.push_back(absl::StrFormat(
+        "%sthe lens is known to %.2g px in %s of the image only, up to %.2g px at its rim; where "
+        "masks need the rest, bring the board there (--draw shows where)",
+        view, camera.map.limit, Percent(known), camera.edge_sigma));
   }
   if (const int folded = PlacesBeyondTheFold(camera); folded > 0) {
     warnings.push_back(absl::StrCat(view, "the lens model folds over within the image (at ", folded,
@@ -207,6 +230,20 @@ absl::Status JudgeCamera(const LensSettings& settings, const Seen& seen, SolvedC
 }
 
 }  // namespace
+
+double LensMap::KnownShare() const {
+  // A place at the rim stands for half a field, one at a corner for a quarter.
+  const auto weight = [](int at, int count) { return at == 0 || at == count - 1 ? 0.5 : 1.0; };
+  double known = 0;
+  double all = 0;
+  for (size_t i = 0; i < sigmas.size(); ++i) {
+    const double area = weight(static_cast<int>(i) % columns, columns) *
+                        weight(static_cast<int>(i) / columns, rows);
+    all += area;
+    known += Known(i) ? area : 0;
+  }
+  return all > 0 ? known / all : 0;
+}
 
 absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSettings& settings,
                          LensSolution& solution) {
@@ -225,6 +262,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
     camera.centre_sigma = ProjectionSigma(solution, i, middle, camera.distance)
                               .value_or(std::numeric_limits<double>::infinity());
     camera.edge_sigma = EdgeSigma(solution, i);
+    camera.map = MapOf(solution, i, settings.most_uncertain);
     RETURN_IF_ERROR(JudgeCamera(settings, seen[i], camera, solution.warnings));
   }
   for (const LensGroup& group : solution.groups) {

@@ -38,10 +38,24 @@ struct LensSettings {
   // within this many of the sightings' own sigma.
   double outlier_sigmas = 4.5;
   int least_images = 6;  // of each camera
-  // The least well known place of the image may be predicted no worse (standard deviation, pixels).
-  double most_uncertain = 2.0;
+  // A place of the image is known if projections there are predicted no worse: their standard
+  // deviation as a share of the image's width.
+  double most_uncertain = 0.0015;
+  // The share of the image that must be known.
+  double least_known = 0.5;
   // The share of the focal length that its standard deviation may be.
   double most_uncertain_focal_length = 0.01;
+};
+
+// How well a lens is known over its image: at places on a regular grid from rim to rim, row by row.
+struct LensMap {
+  int columns = 0;
+  int rows = 0;
+  std::vector<double> sigmas;  // as SolvedCamera::centre_sigma; infinity where nothing is seen
+  double limit = 0;            // pixels: up to here a place is known
+
+  bool Known(size_t place) const { return sigmas[place] <= limit; }
+  double KnownShare() const;
 };
 
 struct SolvedCamera {
@@ -64,6 +78,7 @@ struct SolvedCamera {
   double focal_length_sigma = 0;  // as a share of the focal length; 0 too if the model has none
   double centre_sigma = 0;  // of the projection of a point at `distance`, in the worst direction
   double edge_sigma = 0;    // the largest of those along the rim of the image
+  LensMap map = {};         // empty where the lens is held fixed
 };
 
 struct LensGroup {

@@ -36,6 +36,8 @@ inline constexpr char kDataFile[] = "data.mdb";
 inline constexpr char kLockFile[] = "lock.mdb";
 // Locked with flock() by the one process that writes; its text is that process's id.
 inline constexpr char kWriterFile[] = "writer.lock";
+// Where a new data file is made, until it is whole.
+inline constexpr char kUnfinishedFolder[] = "unfinished";
 
 inline constexpr char kMeta[] = "meta";
 inline constexpr char kRobotImages[] = "robot_images";

@@ -6,6 +6,7 @@
 
 #include <cerrno>
 #include <filesystem>
+#include <functional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -63,7 +64,8 @@ absl::Status PrepareFolder(const std::string& path) {
     return absl::FailedPreconditionError(
         absl::StrCat("folder '", path, "' cannot be made: ", error.message()));
   }
-  const std::set<std::string> ours = {schema::kDataFile, schema::kLockFile, schema::kWriterFile};
+  const std::set<std::string> ours = {schema::kDataFile, schema::kLockFile, schema::kWriterFile,
+                                      schema::kUnfinishedFolder};
   for (fs::directory_iterator entry(path, error); !error && entry != fs::directory_iterator();
        entry.increment(error)) {
     if (!ours.contains(entry->path().filename().string())) {
@@ -93,6 +95,30 @@ int Sync(const std::string& path) {
   return code;
 }
 
+// Puts a data file that `make` makes, in the folder that it gets, into `path`. Whenever the program
+// or the computer stops meanwhile, there is the whole file or none.
+absl::Status PlaceDataFile(const std::string& path,
+                           const std::function<absl::Status(const std::string& folder)>& make) {
+  const fs::path beside = fs::path(path) / schema::kUnfinishedFolder;
+  std::error_code error;
+  fs::remove_all(beside, error);
+  if (!error) fs::create_directory(beside, error);
+  if (error) {
+    return LmdbError(error.value(), absl::StrCat("folder '", beside.string(), "' cannot be made"));
+  }
+  absl::Status status = make(beside);
+  if (status.ok()) {
+    int code = Sync(beside / schema::kDataFile);
+    if (code == 0) {
+      fs::rename(beside / schema::kDataFile, fs::path(path) / schema::kDataFile, error);
+      code = error ? error.value() : Sync(path);
+    }
+    if (code != 0) status = LmdbError(code, absl::StrCat("'", path, "' cannot be written"));
+  }
+  fs::remove_all(beside, error);
+  return status;
+}
+
 absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
                   const CellDescription& cell) {
   RETURN_IF_ERROR(transaction.Put(environment.meta(), schema::kFormatKey, schema::FormatValue()));
@@ -116,17 +142,17 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& pa
   }
   if (!absl::IsNotFound(existing)) return existing;
   RemoveFiles(path);
-  absl::StatusOr<std::shared_ptr<Environment>> environment =
-      Environment::Create(path, [&](WriteTransaction& transaction) {
-        return Fill(transaction.environment(), transaction, state->cell);
-      });
-  if (!environment.ok()) {
-    RemoveFiles(path);
-    return environment.status();
-  }
+  RETURN_IF_ERROR(PlaceDataFile(path, [&](const std::string& folder) {
+    return Environment::Create(folder,
+                               [&](WriteTransaction& transaction) {
+                                 return Fill(transaction.environment(), transaction, state->cell);
+                               })
+        .status();
+  }));
+  ASSIGN_OR_RETURN(std::shared_ptr<Environment> environment, Environment::Open(path));
   state->writer_lock = std::make_shared<const WriterLock>(std::move(lock));
-  state->robot_images = (*environment)->robot_images();
-  state->environment = *std::move(environment);
+  state->robot_images = environment->robot_images();
+  state->environment = std::move(environment);
   return std::unique_ptr<Database>(new Database(std::move(state)));
 }
 
@@ -217,16 +243,13 @@ absl::Status Database::Compact(const std::string& target) const {
     return absl::AlreadyExistsError(absl::StrCat("there is a database in '", target, "' already"));
   }
   RETURN_IF_ERROR(WriterLock::Take(target).status());
-  int code = 0;
-  {
+  return PlaceDataFile(target, [&](const std::string& folder) {
     const auto hold = state_->environment->HoldMap();
-    code = mdb_env_copy2(state_->environment->get(), target.c_str(), MDB_CP_COMPACT);
-  }
-  if (code == 0) code = Sync(target + "/" + schema::kDataFile);
-  if (code == 0) return absl::OkStatus();
-  RemoveFiles(target);
-  return LmdbError(code,
-                   absl::StrCat("database '", path(), "' cannot be copied to '", target, "'"));
+    const int code = mdb_env_copy2(state_->environment->get(), folder.c_str(), MDB_CP_COMPACT);
+    if (code == 0) return absl::OkStatus();
+    return LmdbError(code,
+                     absl::StrCat("database '", path(), "' cannot be copied to '", target, "'"));
+  });
 }
 
 absl::StatusOr<Database::Usage> Database::GetUsage() const {

@@ -206,6 +206,9 @@ absl::StatusOr<std::vector<std::string>> Write(const IntrinsicsArguments& argume
     RETURN_IF_ERROR(
         WritePng(files.back(), PictureOfResiduals(camera.name, {camera.width, camera.height},
                                                   camera.rms, residuals, caption)));
+    if (camera.map.sigmas.empty()) continue;
+    files.push_back((fs::path(arguments.draw) / (name.string() + "-known.png")).string());
+    RETURN_IF_ERROR(WritePng(files.back(), PictureOfLensMap(camera)));
   }
   return files;
 }
@@ -261,10 +264,18 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command
       ->add_option("--most-uncertain", a->settings.most_uncertain,
-                   "Refuse a lens less certain at the image's rim (standard deviation, pixels)")
-      ->check(CLI::PositiveNumber)
+                   "Where a lens is known: up to this standard deviation of a projection, as a "
+                   "share of the image's width")
+      ->check(CLI::Range(1e-6, 0.1))
       ->capture_default_str();
-  command->add_option("--draw", a->draw, "A folder for a picture of each camera's residuals");
+  command
+      ->add_option("--least-known", a->settings.least_known,
+                   "Refuse a lens that is known in a smaller share of the image")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  command->add_option(
+      "--draw", a->draw,
+      "A folder for pictures of each camera's residuals, and of where its lens is known");
   command
       ->add_option("--from", a->from,
                    "Read a camera instead: a .cameramodel, OpenCV's YAML or XML, ROS's or Kalibr's "

@@ -321,6 +321,49 @@ Picture PictureOfResiduals(const std::string& view, PixelSize image, double rms,
                   {palette::kPaper, "none"}}});
 }
 
+Picture PictureOfLensMap(const SolvedCamera& camera) {
+  const LensMap& map = camera.map;
+  const double scale = 1.0 * kLeastWidth / camera.width;
+  cv::Mat1f sigmas(map.rows, map.columns);
+  for (size_t i = 0; i < map.sigmas.size(); ++i) {
+    sigmas(static_cast<int>(i) / map.columns, static_cast<int>(i) % map.columns) =
+        static_cast<float>(std::min(map.sigmas[i] / map.limit, 9.0));
+  }
+  Picture picture = BlankFor({camera.width, camera.height}, scale, palette::kPaper);
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const cv::Point2f at(static_cast<float>(x) * static_cast<float>(map.columns - 1) /
+                               static_cast<float>(picture.cols),
+                           static_cast<float>(y) * static_cast<float>(map.rows - 1) /
+                               static_cast<float>(picture.rows));
+      cv::Mat1f value;
+      cv::getRectSubPix(sigmas, {1, 1}, at, value);
+      const double share = value(0, 0);
+      const auto shade = static_cast<uint8_t>(cvRound(255 - 120 * std::min(1.0, share)));
+      picture.at<cv::Vec3b>(y, x) =
+          share <= 1 ? cv::Vec3b(shade, shade, shade) : cv::Vec3b(130, 130, 230);
+    }
+  }
+  for (int row = 0; row < map.rows; row += 3) {
+    for (int column = 0; column < map.columns; column += 4) {
+      const double sigma = map.sigmas[static_cast<size_t>(row * map.columns + column)];
+      const cv::Point at(std::min(picture.cols - 50, column * picture.cols / (map.columns - 1)),
+                         std::clamp(row * picture.rows / (map.rows - 1), 16, picture.rows - 6));
+      DrawText(picture, std::isfinite(sigma) ? absl::StrFormat("%.2f", sigma) : "-", at,
+               {.height = 13});
+    }
+  }
+  return ContactSheet(
+      {{picture, absl::StrFormat("known to %.2g px in %.0f %% of the image; numbers: px at the "
+                                 "boards' distance, %.2f m",
+                                 map.limit, 100 * map.KnownShare(), camera.distance)}},
+      {.title = absl::StrFormat("%s: where the lens is known", camera.name),
+       .columns = 1,
+       .legend = {{palette::kPaper, "known exactly"},
+                  {Colour{135, 135, 135}, absl::StrFormat("known to %.2g px", map.limit)},
+                  {Colour{230, 130, 130}, "known less"}}});
+}
+
 Picture PaintDrift(const ViewDrift& drift, const ViewSizes& sizes, double limit_mask) {
   const double scale = static_cast<double>(kSide) / std::max(sizes.image.width, sizes.image.height);
   Picture picture = BlankFor(sizes.image, scale, palette::kBackground);

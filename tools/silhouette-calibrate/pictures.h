@@ -44,6 +44,9 @@ Picture PictureOfCoverage(const std::string& view, const Coverage& coverage);
 Picture PictureOfResiduals(const std::string& view, PixelSize image, double rms,
                            const std::vector<LensResidual>& residuals, const std::string& caption);
 
+// Where the lens is known, and how well: the darker, the less.
+Picture PictureOfLensMap(const SolvedCamera& camera);
+
 // Arrows from where corners were to where they are, lengthened so that they can be seen.
 Picture PaintDrift(const ViewDrift& drift, const ViewSizes& sizes, double limit_mask);
 

@@ -218,11 +218,20 @@ std::vector<std::pair<std::string, std::string>> OriginOf(const PoseSources& sou
   return origin;
 }
 
+Json MapJson(const LensMap& map) {
+  Json sigmas = Json::array();
+  for (const double sigma : map.sigmas) {
+    sigmas.push_back(std::isfinite(sigma) ? Json(sigma) : Json());
+  }
+  return {
+      {"columns", map.columns}, {"rows", map.rows}, {"limit_px", map.limit}, {"sigma_px", sigmas}};
+}
+
 }  // namespace
 
 std::string LensText(const LensSolution& solution, const std::vector<std::string>& files) {
   Table table{{"view", "images", "corners", "left out", "rms px", "focal lengths px", "centre",
-               "edge", "seen"}};
+               "edge", "seen", "known"}};
   bool predicted = false;
   for (const SolvedCamera& camera : solution.cameras) {
     const bool given = camera.edge_sigma == 0;
@@ -232,11 +241,14 @@ std::string LensText(const LensSolution& solution, const std::vector<std::string
                           absl::StrFormat("%.2f %.2f", camera.intrinsics[0], camera.intrinsics[1]),
                           given ? "given" : absl::StrFormat("%.3f", camera.centre_sigma),
                           given ? "" : absl::StrFormat("%.3f", camera.edge_sigma),
-                          given ? "" : absl::StrFormat("%.0f %%", 100 * camera.covered)});
+                          given ? "" : absl::StrFormat("%.0f %%", 100 * camera.covered),
+                          given ? "" : absl::StrFormat("%.0f %%", 100 * camera.map.KnownShare())});
   }
   std::string text = TextOf(table);
   if (predicted) {
-    text += "centre, edge: standard deviation of a projection there, px, at the boards' distance\n";
+    text +=
+        "centre, edge: standard deviation of a projection there, px, at the boards' distance\n"
+        "known: share of the image in which it is at most that of --most-uncertain\n";
   }
   for (const LensGroup& group : solution.groups) {
     if (solution.groups.size() > 1) absl::StrAppend(&text, NamesOf(group, solution), ": ");
@@ -267,6 +279,8 @@ Json LensJson(const LensSolution& solution, const std::vector<std::string>& file
                        {"centre_sigma_px", number(camera.centre_sigma)},
                        {"edge_sigma_px", number(camera.edge_sigma)},
                        {"covered", camera.covered},
+                       {"known", camera.map.KnownShare()},
+                       {"map", MapJson(camera.map)},
                        {"distance", camera.distance}});
   }
   Json groups = Json::array();

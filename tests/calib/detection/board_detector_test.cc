@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <stdexcept>
 
@@ -107,6 +108,50 @@ TEST(BoardDetector, CornersOfEachKindAreGoodToHundredthsOfAPixelAtASessionsAngle
     EXPECT_GT(errors.chi2, 0.2);
     EXPECT_LT(errors.chi2, 2);
   }
+}
+
+// Kalibr's own board, 6 x 6 tags of 33 pixels.
+RenderedBoard AprilGridSeen(const Board& board, int seed) {
+  std::mt19937_64 random(seed);
+  return RenderedBoard(board, Intrinsics(480, 420, 390, -0.15), RandomPose(board, 0.9, 0.3, random),
+                       {}, random);
+}
+
+Board WholeAprilGrid() {
+  BoardDescription whole = AprilGrid().description();
+  whole.rows = whole.columns = 6;
+  return Board(whole);
+}
+
+TEST(BoardDetector, AllTagsOfAnAprilGridAreFoundThoughSquaresTouchThem) {
+  const Board board = WholeAprilGrid();
+  const RenderedBoard rendered = AprilGridSeen(board, 3);
+  const CameraModel lens(rendered.intrinsics());
+  for (const auto& known : {std::optional<CameraModel>(), std::optional(lens)}) {
+    const CornerErrors errors = ErrorsIn(rendered, board, known);
+    EXPECT_GE(errors.corners, size_t{4 * 35});
+    EXPECT_LT(errors.rms, 0.08);
+    EXPECT_LT(errors.worst, 0.5);
+  }
+}
+
+TEST(BoardDetector, TagOfAnAprilGridThatIsCoveredIsNotMadeUp) {
+  const Board board = WholeAprilGrid();
+  const RenderedBoard rendered = AprilGridSeen(board, 1);
+  cv::Mat image = rendered.image().clone();
+  const auto point = [&](int corner) {
+    const Eigen::Vector2d at = rendered.Corner(14, corner);
+    return cv::Point(static_cast<int>(at.x()), static_cast<int>(at.y()));
+  };
+  const std::vector<cv::Point> tag = {point(0), point(1), point(2), point(3)};
+  BoardDetector detector({board});
+  const auto seen = [&] {
+    const std::vector<DetectedTag> tags = detector.Detect(image);
+    return std::ranges::count_if(tags, [](const DetectedTag& t) { return t.tag == 14; });
+  };
+  EXPECT_EQ(seen(), 1);
+  cv::fillConvexPoly(image, tag, cv::Scalar(40));
+  EXPECT_EQ(seen(), 0) << "all black";
 }
 
 TEST(BoardDetector, KnownLensesMakeCornersOfChessboardsBetter) {

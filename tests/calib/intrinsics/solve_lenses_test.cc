@@ -270,6 +270,37 @@ TEST(SolveLenses, LeavesOutCornersThatDoNotFitAndNoOthers) {
   EXPECT_NEAR(solution->cameras[0].rms, 0.1, 0.01);
 }
 
+TEST(SolveLenses, GivesALensWithWhereItIsKnown) {
+  std::mt19937 random(18);
+  auto cameras = CamerasOnAnArc(1);
+  const Board board = LatticeBoard();
+  std::vector<TagSighting> sightings;
+  for (int frame = 0; frame < 30; ++frame) {
+    AddSightings(cameras, board, RandomBoardPose(random, board, {}), FrameName(frame), 0.5, random,
+                 sightings);
+  }
+  // Nothing was seen in the right half of the image.
+  std::erase_if(sightings, [](const TagSighting& sighting) {
+    return std::ranges::any_of(sighting.corners, [](const auto& at) { return at.x() > 640; });
+  });
+  const auto solution =
+      SolveLenses(LensCamerasOf(cameras), {board}, sightings, {.least_known = 0.2});
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  const LensMap& map = solution->cameras[0].map;
+  ASSERT_EQ(map.sigmas.size(), static_cast<size_t>(map.columns * map.rows));
+  const size_t middle_row = static_cast<size_t>(map.rows / 2 * map.columns);
+  EXPECT_TRUE(map.Known(middle_row + 4));
+  EXPECT_FALSE(map.Known(middle_row + static_cast<size_t>(map.columns) - 1));
+  EXPECT_GT(map.KnownShare(), 0.2);
+  EXPECT_LT(map.KnownShare(), 0.98);
+  EXPECT_THAT(solution->warnings, testing::Contains(HasSubstr("of the image only")));
+  const absl::Status refused =
+      SolveLenses(LensCamerasOf(cameras), {board}, sightings, {.least_known = 1}).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(refused.message()),
+              testing::AllOf(HasSubstr("--least-known"), HasSubstr("--most-uncertain")));
+}
+
 TEST(SolveLenses, LosesNoCornerOfNoiseFreeDataAndIsHardlyBiased) {
   std::mt19937 random(14);
   const auto cameras = CamerasOnAnArc(2);
@@ -312,7 +343,7 @@ TEST(SolveLenses, SolvesForOtherLensModelsByName) {
   const Session session = Look(cameras, board, {.frames = 40}, random);
   const auto solve = [&](const std::string& model) {
     return SolveLenses(LensCamerasOf(cameras), {board}, session.sightings,
-                       {.lens_model = model, .most_uncertain = 10});
+                       {.lens_model = model, .least_known = 0});
   };
   for (const char* model : {"LENSMODEL_OPENCV5", "LENSMODEL_OPENCV12", "LENSMODEL_CAHVOR",
                             "LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=8_Ny=6_fov_x_deg=90"}) {

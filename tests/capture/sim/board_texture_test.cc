@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "calib/boards/tag_family.h"
 #include "capture/sim/chance.h"
 #include "tests/random.h"
 

@@ -4,11 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <map>
 #include <thread>
@@ -255,6 +258,48 @@ TEST(Snapshot, FollowsADatabaseThatAnotherProcessLetsGrow) {
   } while (waitpid(child, &status, WNOHANG) == 0);
   EXPECT_EQ(status, 0);
   EXPECT_EQ((*database)->Read()->size(), 700);
+}
+
+// Ends a child that does `work` when a file of it would become larger than `bytes`.
+void RunAndStopAt(rlim_t bytes, const std::function<void()>& work) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const rlimit limit{.rlim_cur = bytes, .rlim_max = bytes};
+    setrlimit(RLIMIT_FSIZE, &limit);
+    work();
+    _exit(0);
+  }
+  waitpid(child, nullptr, 0);
+}
+
+TEST(Database, MadeAgainAfterItsMakingWasInterruptedAtAnyPage) {
+  const std::string path = FreshFolder() / "db";
+  for (rlim_t pages = 0; pages < 12; ++pages) {
+    RunAndStopAt(4096 * pages, [&] { Database::Create(path, TestCell()).IgnoreError(); });
+    const absl::Status status = Database::Create(path, TestCell()).status();
+    EXPECT_TRUE(status.ok() || absl::IsAlreadyExists(status)) << pages << ": " << status;
+    EXPECT_TRUE(Database::Open(path, Access::kRead).ok());
+    std::filesystem::remove_all(path);
+  }
+}
+
+TEST(Database, CompactedAgainAfterThatWasInterruptedAtAnyPage) {
+  const auto database = MakeFilledDatabase(1, TestCell());
+  const std::string from = database->path();
+  const uint64_t size = std::filesystem::file_size(from + "/data.mdb");
+  const std::string path = FreshFolder() / "copy";
+  for (rlim_t bytes = 0; bytes <= size; bytes += 4096) {
+    RunAndStopAt(bytes, [&] {
+      const auto opened = Database::Open(from, Access::kRead);
+      if (opened.ok()) (*opened)->Compact(path).IgnoreError();
+    });
+    const absl::Status status = database->Compact(path);
+    EXPECT_TRUE(status.ok() || absl::IsAlreadyExists(status)) << bytes << ": " << status;
+    const auto copy = Database::Open(path, Access::kRead);
+    ASSERT_TRUE(copy.ok()) << copy.status();
+    EXPECT_EQ(ContentOf(**copy), ContentOf(*database));
+    std::filesystem::remove_all(path);
+  }
 }
 
 TEST_F(FullDisk, KeepsTheBatchAndWhatWasCommitted) {
