@@ -37,6 +37,7 @@ void SumPriors(const std::vector<BundlePose>& poses, double& chi2, double& redun
 
 // Of each part's used corners, whose rows come first, two each: the squares of their derivatives.
 std::vector<Sparse> NormalsOfParts(const Bundle& bundle, const Sparse& jacobian) {
+  if (bundle.parts.empty()) return {};
   std::vector<std::vector<Eigen::Triplet<double>>> rows(bundle.parts.size());
   std::vector<int> part_of_row;
   for (const BundleCorner& corner : bundle.corners) {

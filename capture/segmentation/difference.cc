@@ -179,11 +179,11 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
     DropShadows(grey, reference, brightness, slow_light, foreground);
   }
   if (steps != nullptr) steps->no_shadow = foreground > 0;
-  Runs all(foreground);
+  Runs plain(foreground == kStrongEvidence);  // weak evidence at a rim is no thin part
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
   WeakenSmallAreas(foreground, settings.min_blob_pixels);
-  all.AddThin(foreground);
+  plain.AddThin(foreground);
   if (!reference.undefined().empty()) foreground |= reference.undefined();
   if (steps != nullptr) {
     steps->foreground = foreground > kThinEvidence;

@@ -165,6 +165,7 @@ absl::Status Serve(const Options& options) {
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
   cell.server.gate.insecure = options.insecure;
+  RETURN_IF_ERROR(CheckListenAddress(listen));
   RETURN_IF_ERROR(CheckGate(listen, cell.server.gate));
   const std::string& path = cell.database;
   if (path.empty()) {

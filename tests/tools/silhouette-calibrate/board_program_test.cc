@@ -65,7 +65,7 @@ TEST_F(BoardProgram, PrintsChessboardsCharucoAndBoardsOfAFile) {
   WriteFile(folder_ / "grid.yaml",
             "target_type: 'aprilgrid'\ntagCols: 3\ntagRows: 2\ntagSize: 0.04\ntagSpacing: 0.3\n");
   ASSERT_EQ(Run("--from grid.yaml --dpi 30 --overwrite"), 0) << err_;
-  EXPECT_EQ(read().CornersOf(0)[3].y(), 0.052);
+  EXPECT_DOUBLE_EQ(read().CornersOf(0)[3].y(), 0.052);
   EXPECT_EQ(Run("--chessboard 9by6 --overwrite"), 2);
   EXPECT_THAT(err_, HasSubstr("columns x rows"));
   EXPECT_EQ(Run("--chessboard 9x6 --rows 4 --overwrite"), 2);
