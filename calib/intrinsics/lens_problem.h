@@ -16,6 +16,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/boards/board.h"
 
 namespace silhouette {
 

@@ -155,7 +155,7 @@ std::vector<uint32_t> BoardTexture::BoxesNear(const Eigen::AlignedBox2d& bounds)
     }
   }
   std::ranges::sort(boxes);
-  boxes.erase(std::ranges::unique(boxes).begin(), boxes.end());
+  boxes.erase(std::unique(boxes.begin(), boxes.end()), boxes.end());
   return boxes;
 }
 

@@ -174,7 +174,7 @@ void SpaceDistances::Measure(const Block& block, const Eigen::Vector3d& point, d
       // The nearest on either side, and its own place.
       double dx = std::numeric_limits<double>::infinity();
       if (const unsigned low = bits & up_to_x; low != 0) {
-        dx = beside(at.x(), std::bit_width(low) - 1);
+        dx = beside(at.x(), static_cast<int>(std::bit_width(low)) - 1);
       }
       if (const unsigned high = bits & ~(up_to_x >> 1); high != 0) {
         dx = std::min(dx, beside(at.x(), std::countr_zero(high)));

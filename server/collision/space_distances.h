@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -44,7 +45,7 @@ class SpaceDistances {
     Eigen::Vector3d lower;
     double edge = 0;               // of a voxel
     Eigen::AlignedBox3d voxels{};  // holds those of the set
-    std::array<uint8_t, VoxelGrid::kBlockEdge * VoxelGrid::kBlockEdge> rows{};  // y fastest
+    std::array<uint8_t, size_t{VoxelGrid::kBlockEdge} * VoxelGrid::kBlockEdge> rows{};  // y fastest
   };
 
   void AddBlocks(const VoxelsOfGrid& voxels);
