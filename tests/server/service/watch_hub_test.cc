@@ -14,7 +14,7 @@ namespace silhouette {
 namespace {
 
 // Counts what it is told.
-class Listener final : public Watcher {
+class NotingWatcher final : public Watcher {
  public:
   void Tell(uint64_t version) override { told = version; }
   void End() override { ended = true; }
@@ -41,7 +41,7 @@ class WatchHubTest : public ::testing::Test {
   TestClock clock;
   SceneStore scenes{database};
   WatchHub hub{scenes, {}, clock.clock()};
-  std::shared_ptr<Listener> listener = std::make_shared<Listener>();
+  std::shared_ptr<NotingWatcher> listener = std::make_shared<NotingWatcher>();
 };
 
 TEST_F(WatchHubTest, TellsEveryChange) {
@@ -82,7 +82,7 @@ TEST_F(WatchHubTest, EndsWhoWaitsAndWhoComesLate) {
   hub.Add(listener);
   hub.Close();
   EXPECT_TRUE(listener->ended);
-  const auto late = std::make_shared<Listener>();
+  const auto late = std::make_shared<NotingWatcher>();
   hub.Add(late);
   EXPECT_TRUE(late->ended);
 }
