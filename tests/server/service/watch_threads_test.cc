@@ -20,7 +20,7 @@ void PublishScenes(TestServer& server, uint64_t last) {
 }
 
 TEST(WatchThreads, EveryUpdateIsOfTheSceneItNames) {
-  constexpr uint64_t kScenes = 300;
+  constexpr uint64_t kScenes = 60;
   const auto database = NewDatabase({.index = true});
   TestServer server(database);
   const uint64_t number = database->grid().NumberOf({3, 0});
