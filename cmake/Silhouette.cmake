@@ -143,17 +143,21 @@ function(silhouette_program)
     set_target_properties(${program} PROPERTIES EXCLUDE_FROM_ALL ON)
   endif()
   add_dependencies(programs ${program})
-  install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT programs)
+  # Whoever asks a server need not install one.
+  set(component programs)
+  if(program STREQUAL "silhouette-server")
+    set(component server)
+  endif()
+  install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${component})
 endfunction()
 
-# silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS labels]
-#                  [TIMEOUT seconds] [DEPENDS programs] [TOGETHER suite])
-# One GoogleTest program of all sources in this folder, whose tests CTest lists one by one. THREADS
+# silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS label]
+#                  [DEPENDS programs])
+# One GoogleTest program of all sources in this folder, whose suites CTest lists one by one. THREADS
 # names the sources that run in several threads: the thread sanitizer's build has only these.
-# DEPENDS names the programs that the tests start; with sanitizers there are no such tests. TOGETHER
-# names a suite that is one test for CTest, since its tests share what takes long to set up.
+# DEPENDS names the programs that the tests start; with sanitizers there are no such tests.
 function(silhouette_tests)
-  cmake_parse_arguments(PARSE_ARGV 0 arg "" "TIMEOUT;TOGETHER" "LIBRARIES;THREADS;SOURCES;LABELS;DEPENDS")
+  cmake_parse_arguments(PARSE_ARGV 0 arg "" "LABELS" "LIBRARIES;THREADS;SOURCES;DEPENDS")
   silhouette_folder()
   list(APPEND sources ${arg_SOURCES})
   if(SILHOUETTE_SANITIZE STREQUAL "thread")
@@ -178,20 +182,20 @@ function(silhouette_tests)
   if(arg_DEPENDS)
     add_dependencies(${test} ${arg_DEPENDS})
   endif()
-  if(NOT arg_TIMEOUT)
-    set(arg_TIMEOUT 300)
-  endif()
   # A property without a value would take the next one's name for it.
-  set(properties TIMEOUT ${arg_TIMEOUT})
+  set(properties TIMEOUT 900)
   if(arg_LABELS)
-    list(APPEND properties LABELS "${arg_LABELS}")
+    list(APPEND properties LABELS ${arg_LABELS})
   endif()
-  if(arg_TOGETHER)
-    add_test(NAME ${arg_TOGETHER} COMMAND ${test} --gtest_filter=${arg_TOGETHER}.*)
-    set_tests_properties(${arg_TOGETHER} PROPERTIES ${properties})
-    set(filter TEST_FILTER -${arg_TOGETHER}.*)
+  list(JOIN properties " " properties)
+  set(suites ${CMAKE_CURRENT_BINARY_DIR}/suites.cmake)
+  if(NOT EXISTS ${suites})
+    file(WRITE ${suites} "add_test(${test}_is_not_built ${test}_is_not_built)\n")
   endif()
-  gtest_discover_tests(${test} ${filter} DISCOVERY_TIMEOUT 60 PROPERTIES ${properties})
+  add_custom_command(TARGET ${test} POST_BUILD VERBATIM BYPRODUCTS ${suites} COMMAND ${CMAKE_COMMAND}
+    -D PROGRAM=$<TARGET_FILE:${test}> -D PROPERTIES=${properties} -D FILE=${suites}
+    -P ${PROJECT_SOURCE_DIR}/cmake/ListSuites.cmake)
+  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${suites})
 endfunction()
 
 # Writes the link graph as architecture.txt: a line a folder, in the order of the rooms, as

@@ -60,6 +60,17 @@ void AddNoise(const ProgramCell& cell) {
             absl::StrReplaceAll(ReadText(cell / "simulation.yaml"), {{"noise: 0", "noise: 1.5"}}));
 }
 
+// # in both masks, 1 and 2 in one of them.
+std::string Beside(const Mask& one, const Mask& two) {
+  std::string text = "\n";
+  for (int y = 0; y < one.height(); ++y) {
+    for (int x = 0; x < one.width(); ++x)
+      text += ".12#"[(one.at(x, y) ? 1 : 0) + (two.at(x, y) ? 2 : 0)];
+    text += '\n';
+  }
+  return text;
+}
+
 TEST(KilledCapture, ResumedDiffersByNoMoreThanTheNoiseAtTheRobotsRim) {
   const ProgramCell whole;
   AddNoise(whole);
@@ -83,10 +94,10 @@ TEST(KilledCapture, ResumedDiffersByNoMoreThanTheNoiseAtTheRobotsRim) {
     for (size_t view = 0; view < image.masks.size(); ++view) {
       const Mask& one = image.masks[view];
       const Mask& other = expected.at(number).masks[view];
-      EXPECT_TRUE((one - Grown(other, 3)).Empty()) << number;
-      EXPECT_TRUE((other - Grown(one, 3)).Empty()) << number;
+      EXPECT_TRUE((one - Grown(other, 3)).Empty()) << number << Beside(one, other);
+      EXPECT_TRUE((other - Grown(one, 3)).Empty()) << number << Beside(one, other);
       const size_t pixels = ((one - other) | (other - one)).Count();
-      EXPECT_LE(pixels, 16u) << number;
+      EXPECT_LE(pixels, 16u) << number << Beside(one, other);
       differing += pixels;
     }
   }

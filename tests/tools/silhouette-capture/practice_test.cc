@@ -141,7 +141,9 @@ TEST_F(Practice, LostRobotIsAskedForAtATerminal) {
   run.Type("yes\n");
   ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();
   EXPECT_EQ(cell_.Records(), before);
-  run.Type("g\n");
+  // On a busy computer the robot may answer late, and count as lost once more.
+  do run.Type("g\n");
+  while (run.Shows("g or e: "));
   EXPECT_EQ(run.ExitCode(), 0) << run.shown();
   EXPECT_EQ(cell_.Records(), kAll);
 }

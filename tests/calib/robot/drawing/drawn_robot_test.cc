@@ -92,10 +92,10 @@ TEST(DrawnRobot, NoPixelOfTheRobotIsMissing) {
       views.emplace_back(CameraAbout(random), RandomMaskSize(random));
     }
     const DrawnRobot drawn = Drawn(robot, views);
-    for (int i = 0; i < 4; ++i) Compare(random, robot, drawn, SampleCount(400), tally);
+    for (int i = 0; i < 4; ++i) Compare(random, robot, drawn, SampleCount(150), tally);
   }
   EXPECT_EQ(tally.missing, 0u);
-  EXPECT_GT(tally.samples, static_cast<size_t>(SampleCount(300000)));
+  EXPECT_GT(tally.samples, static_cast<size_t>(SampleCount(110000)));
 }
 
 TEST(DrawnRobot, FewPixelsAreDrawnThatTheRobotDoesNotTouch) {
