@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # What users of the client library get, as the component `client`:
 #   cmake --install build/release --component client --prefix DIR
-# Then find_package(silhouette) gives silhouette::client and what it needs.
+# Then find_package(silhouette), or pkg-config, gives silhouette::client and what it needs.
 #
 # All headers are included as <silhouette/...>: db/mask/mask.h and db/mask/configuration_grid.h stand in the
 # place of the headers that forward to them in the source tree.
@@ -27,6 +27,8 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/proto/silhouette/v1
   DESTINATION ${CMAKE_INSTALL_DATADIR}/silhouette/proto/silhouette COMPONENT client
   FILES_MATCHING PATTERN "*.proto")
 
+configure_file(silhouette.pc.in silhouette.pc @ONLY)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/silhouette.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT client)
 include(CMakePackageConfigHelpers)
 configure_package_config_file(silhouetteConfig.cmake.in silhouetteConfig.cmake
   INSTALL_DESTINATION ${package_dir})

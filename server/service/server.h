@@ -10,6 +10,7 @@
 #include <grpcpp/server.h>
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -50,6 +51,12 @@ class Server {
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database) {
     return serving_.publisher.Publish(std::move(scene), database);
+  }
+
+  // Runs `task` on a thread that takes scenes; never, if those hang. It must not throw.
+  // Thread-safe, until Stop().
+  void RunWhereScenesAreTaken(std::function<void()> task) {
+    serving_.scene_workers.Run(/*client=*/"", /*bytes=*/0, std::move(task));
   }
 
   // What is known from now on of whether the calibration holds; null: it is not checked.

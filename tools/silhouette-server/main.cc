@@ -4,15 +4,20 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
+#include <systemd/sd-daemon.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <utility>
@@ -100,6 +105,20 @@ void Reload(const Cell& cell, const std::string& path, bool unverified, Server& 
                   std::string(database.status().message()));
   } catch (const std::exception& error) {
     spdlog::error("not reloaded, still serving the old state: {}", error.what());
+  }
+}
+
+// Tells systemd's watchdog, if there is one (WatchdogSec, sd_watchdog_enabled(3)), that scenes are
+// still taken.
+void ShowLife(const std::stop_token& stop, Server& server) {
+  uint64_t microseconds = 0;
+  if (sd_watchdog_enabled(/*unset_environment=*/0, &microseconds) <= 0) return;
+  const auto period = std::chrono::microseconds(microseconds / 3);
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  std::unique_lock lock(mutex);
+  while (!stopped.wait_for(lock, stop, period, [&stop] { return stop.stop_requested(); })) {
+    server.RunWhereScenesAreTaken([] { sd_notify(0, "WATCHDOG=1"); });
   }
 }
 
@@ -216,7 +235,12 @@ absl::Status Serve(const Options& options) {
     spdlog::info("metrics at http://{}/metrics", server->metrics_address());
   }
 
-  WaitForEnd(cell, path, options.unverified, *server);
+  sd_notify(0, "READY=1");
+  {
+    const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
+    WaitForEnd(cell, path, options.unverified, *server);
+  }
+  sd_notify(0, "STOPPING=1");
   live.reset();
   calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
@@ -275,7 +299,9 @@ int Main(int argc, char** argv) {
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish, for at most a second; SIGHUP "
       "reads the database again.\n"
       "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
-      "then the address must be one of this machine alone, or --insecure be given.\n\n"
+      "then the address must be one of this machine alone, or --insecure be given.\n"
+      "Started by systemd, it tells when it is ready, and its watchdog that it still takes "
+      "scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
       "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");

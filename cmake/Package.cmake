@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+# Debian packages, by CPack; tools/package makes them, with the man pages and the HTML in build/<preset>/package.
+set(package ${PROJECT_SOURCE_DIR}/cmake/package)
+set(made ${PROJECT_BINARY_DIR}/package)
+
+install(DIRECTORY ${made}/man/programs/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT programs OPTIONAL)
+install(DIRECTORY ${made}/man/server/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT server OPTIONAL)
+install(DIRECTORY ${made}/html DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/silhouette-doc COMPONENT doc OPTIONAL)
+foreach(program IN ITEMS silhouette silhouette-calibrate silhouette-capture silhouette-db silhouette-experiments
+        silhouette-sim silhouette-server)
+  set(component programs)
+  if(program STREQUAL "silhouette-server")
+    set(component server)
+  endif()
+  install(FILES ${package}/completion.bash RENAME ${program}
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT ${component})
+endforeach()
+install(FILES ${package}/silhouette-server@.service DESTINATION lib/systemd/system COMPONENT server)
+install(FILES ${package}/silhouette.sysusers RENAME silhouette.conf DESTINATION lib/sysusers.d COMPONENT server)
+
+# component, package, section, what it is
+function(silhouette_package component name section summary)
+  string(TOUPPER ${component} key)
+  set(CPACK_DEBIAN_${key}_PACKAGE_NAME ${name} PARENT_SCOPE)
+  set(CPACK_DEBIAN_${key}_PACKAGE_SECTION ${section} PARENT_SCOPE)
+  set(CPACK_COMPONENT_${key}_DESCRIPTION "${summary}\n\
+Silhouette reports to a robot's path planner, from camera images alone,\n\
+which robot configurations are free and which would collide with what\n\
+stands in the work cell." PARENT_SCOPE)
+  install(FILES ${package}/copyright ${made}/changelog.Debian.gz ${made}/changelog.gz
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/${name} COMPONENT ${component} OPTIONAL)
+  set(CPACK_COMPONENTS_ALL ${CPACK_COMPONENTS_ALL} ${component} PARENT_SCOPE)
+endfunction()
+set(CPACK_COMPONENTS_ALL "")
+silhouette_package(programs silhouette science "programs to set up and ask a work cell")
+silhouette_package(server silhouette-server science "server that checks configurations for collision")
+silhouette_package(client libsilhouette-dev libdevel "C++ client library")
+silhouette_package(python python3-silhouette python "Python client library")
+silhouette_package(doc silhouette-doc doc "documentation")
+set(CPACK_DEBIAN_DOC_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_CLIENT_PACKAGE_DEPENDS "libgrpc++-dev, libprotobuf-dev, libabsl-dev, libeigen3-dev")
+set(CPACK_DEBIAN_CLIENT_PACKAGE_SUGGESTS "libompl-dev")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3, python3-numpy")
+set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS "systemd")
+set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "silhouette")
+set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA ${package}/postinst ${package}/prerm ${package}/postrm)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME silhouette)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE
+  WORLD_READ WORLD_EXECUTE)
+include(CPack)
