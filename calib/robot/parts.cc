@@ -205,8 +205,10 @@ absl::StatusOr<RobotParts> RobotParts::Of(const RobotModel& robot, const PartSet
     }
   }
   if (result.parts_.empty()) {
-    return InvalidArgument("the robot '", robot.name(),
-                           "' has no visual or collision geometry: nothing of it can be drawn");
+    return InvalidArgument(
+        "the robot '", robot.name(),
+        "' has no visual or collision geometry: nothing of it can be drawn; give its "
+        "links visual or collision geometry in the URDF");
   }
   return result;
 }

@@ -130,7 +130,8 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
   }
   for (const Eigen::Vector3d& vertex : mesh.vertices) {
     if (!vertex.allFinite()) {
-      return InvalidArgument("the mesh '" + path + "' has a vertex that is no number");
+      return InvalidArgument("the mesh '" + path +
+                             "' has a vertex that is no number; export it again");
     }
   }
   return mesh;

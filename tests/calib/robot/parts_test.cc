@@ -333,7 +333,8 @@ TEST(RobotParts, RobotWithoutGeometryIsRefused) {
       WriteFile(FreshFolder() / "r.urdf", "<robot name='r'><link name='a'/></robot>"));
   ASSERT_TRUE(robot.ok());
   EXPECT_THAT(std::string(RobotParts::Of(*robot, {}).status().message()),
-              HasSubstr("no visual or collision geometry"));
+              AllOf(HasSubstr("no visual or collision geometry"),
+                    HasSubstr("give its links visual or collision geometry in the URDF")));
 }
 
 // Meshes and URDFs of robots that somebody else made.

@@ -189,7 +189,9 @@ TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
   ASSERT_TRUE(Database::Create(folder / "db", TestCell()).ok());
   Random random;
   uint64_t generation = 1;
-  for (int round = 0; round < 12; ++round) {
+  // On a busy machine most processes are killed before they have written.
+  for (int round = 0; round < 12 || generation <= 12; ++round) {
+    ASSERT_LT(round, 1000);
     const pid_t child = fork();
     if (child == 0) SetUntilKilled(folder / "db");
     std::this_thread::sleep_for(std::chrono::microseconds(10'000 + random() % 40'000));
@@ -210,7 +212,6 @@ TEST(Calibration, IsNeverHalfWrittenByAProcessThatIsKilled) {
     generation = snapshot->generation();
     EXPECT_EQ(static_cast<uint64_t>(snapshot->Provenance()->entries_size()), generation - 1);
   }
-  EXPECT_GT(generation, 12u);
 }
 
 }  // namespace
