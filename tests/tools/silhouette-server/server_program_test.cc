@@ -3,7 +3,10 @@
 #include <gmock/gmock.h>
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -141,6 +144,47 @@ TEST_F(ServerProgramTest, ServesUntilSigtermAndEndsWithZero) {
     EXPECT_EQ(program.ExitCode(), 0);
     EXPECT_THAT(program.Errors(), HasSubstr("stopped"));
   }
+}
+
+// What a program tells systemd (sd_notify(3)).
+class Notifications {
+ public:
+  explicit Notifications(const std::string& path) {
+    sockaddr_un address{.sun_family = AF_UNIX, .sun_path = {}};
+    path.copy(address.sun_path, sizeof(address.sun_path) - 1);
+    EXPECT_EQ(bind(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    constexpr timeval kPatience{.tv_sec = 30, .tv_usec = 0};
+    setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &kPatience, sizeof(kPatience));
+    setenv("NOTIFY_SOCKET", path.c_str(), 1);
+    setenv("WATCHDOG_USEC", "300000", 1);
+  }
+  ~Notifications() {
+    unsetenv("NOTIFY_SOCKET");
+    unsetenv("WATCHDOG_USEC");
+    close(socket_);
+  }
+
+  std::string Next() {
+    char text[256];
+    const ssize_t length = recv(socket_, text, sizeof(text), 0);
+    return {text, static_cast<size_t>(std::max<ssize_t>(length, 0))};
+  }
+
+ private:
+  const int socket_ = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+};
+
+TEST_F(ServerProgramTest, TellsSystemdThatItIsReadyThatItLivesAndThatItStops) {
+  Notifications notifications(folder / "notify");
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_EQ(notifications.Next(), "READY=1");
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(notifications.Next(), "WATCHDOG=1");
+  program.Signal(SIGTERM);
+  std::string last;
+  while ((last = notifications.Next()) == "WATCHDOG=1") continue;
+  EXPECT_EQ(last, "STOPPING=1");
+  EXPECT_EQ(program.ExitCode(), 0);
 }
 
 TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets) {
