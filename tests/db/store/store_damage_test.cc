@@ -226,7 +226,9 @@ TEST(Database, WithAnyBitFlippedInItsMetaPagesIsRefusedOrRight) {
     return opens;
   };
   int refused = 0;
-  for (size_t at = 0; at < 2 * kPage; ++at) {
+  // With a sanitizer some bytes only.
+  const size_t step = SampleCount(10) < 10 ? 7 : 1;
+  for (size_t at = 0; at < 2 * kPage; at += step) {
     SCOPED_TRACE(at);
     const bool meta = at % kPage < kMeta;
     for (int bit = 0; bit < (meta ? 8 : 1); ++bit) {
@@ -235,7 +237,7 @@ TEST(Database, WithAnyBitFlippedInItsMetaPagesIsRefusedOrRight) {
       EXPECT_TRUE(opens || meta);  // the rest of the pages has no meaning
     }
   }
-  EXPECT_GT(refused, 1000);
+  EXPECT_GT(refused, SampleCount(1000));
   EXPECT_TRUE(opens_with(0, sound[0]));
 }
 
