@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/files/camera_file.h"
 
+#include <tinyxml.h>
+
 #include <algorithm>
 #include <cctype>
 #include <map>
-#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "calib/camera/equidistant_lens.h"
 #include "calib/files/calibration_message.h"
 #include "common/yaml/strict_yaml.h"
@@ -170,27 +173,33 @@ std::string AsYaml(std::string text) {
   return text;
 }
 
-// cv::FileStorage's XML as YAML: matrices, numbers and texts of the first level.
+// cv::FileStorage's XML as YAML: matrices, numbers and texts of the first level. OpenCV's own
+// reader leaves its memory when the XML is damaged.
 std::string YamlOfXml(const std::string& xml) {
-  try {
-    const cv::FileStorage storage(xml, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-    std::string yaml;
-    for (const cv::FileNode& node : storage.root()) {
-      std::string value;
-      if (node.isMap()) {
-        const cv::Mat_<double> matrix = node.mat();
-        value = absl::StrCat("[", absl::StrJoin(matrix.begin(), matrix.end(), ", ", Exactly), "]");
-      } else if (node.isInt() || node.isReal()) {
-        value = absl::StrFormat("%.17g", node.real());
-      } else {
-        continue;
-      }
-      absl::StrAppend(&yaml, node.name(), ": ", value, "\n");
-    }
-    return yaml;
-  } catch (const cv::Exception& error) {
-    throw std::invalid_argument(absl::StrCat("the XML of OpenCV cannot be read: ", error.err));
+  TiXmlDocument document;
+  document.Parse(xml.c_str());
+  if (document.Error() || document.RootElement() == nullptr) {
+    throw std::invalid_argument(
+        absl::StrCat("the XML of OpenCV cannot be read: ", document.ErrorDesc()));
   }
+  std::string yaml;
+  for (const TiXmlElement* node = document.RootElement()->FirstChildElement(); node != nullptr;
+       node = node->NextSiblingElement()) {
+    const TiXmlElement* const data = node->FirstChildElement("data");
+    const char* const text = (data != nullptr ? data : node)->GetText();
+    if (text == nullptr) continue;
+    const std::vector<std::string> values =
+        absl::StrSplit(text, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
+    const std::string joined = absl::StrJoin(values, ", ");
+    double number = 0;
+    const bool bare = data == nullptr && absl::SimpleAtod(joined, &number);
+    absl::StrAppend(&yaml, node->ValueStr(), ": ",
+                    bare              ? joined
+                    : data != nullptr ? absl::StrCat("[", joined, "]")
+                                      : YamlQuoted(joined),
+                    "\n");
+  }
+  return yaml;
 }
 
 std::optional<YamlNode> AnyOf(YamlMap& map, const std::vector<std::string>& keys) {
@@ -200,12 +209,21 @@ std::optional<YamlNode> AnyOf(YamlMap& map, const std::vector<std::string>& keys
   return std::nullopt;
 }
 
+// Rows or columns of a matrix: OpenCV has lenses of 14 coefficients.
+constexpr int kMostEntries = 14;
+
 // The values of a matrix: a list, a list of rows, or rows, cols and data.
 std::vector<double> MatrixOf(const YamlNode& node) {
   if (node.IsMap()) {
     YamlMap map(node);
-    const int values = map.Get<int>("rows") * map.Get<int>("cols");
-    return map.Required("data").Values<double>(static_cast<size_t>(std::max(values, 0)));
+    const int rows = map.Get<int>("rows");
+    const int columns = map.Get<int>("cols");
+    const YamlNode data = map.Required("data");
+    if (std::clamp(rows, 0, kMostEntries) != rows ||
+        std::clamp(columns, 0, kMostEntries) != columns) {
+      node.Fail(absl::StrCat("a matrix of ", rows, " x ", columns, " values does not belong here"));
+    }
+    return data.Values<double>(static_cast<size_t>(rows * columns));
   }
   std::vector<double> values;
   for (const YamlNode& item : node.Items()) {

@@ -3,8 +3,10 @@
 
 // Before a function: it is compiled for every x86-64 processor and once more for those with AVX2;
 // which of them is called is decided when the program is loaded. Nothing before functions of other
-// processors, nor with a sanitizer: the decision would be made before the sanitizer is ready.
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// processors, nor with clang, which takes it before declarations only, nor with a sanitizer: the
+// decision would be made before the sanitizer is ready.
+#if defined(__x86_64__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)
 #define SILHOUETTE_WIDER_VECTORS [[gnu::target_clones("avx2", "default")]]
 #else
 #define SILHOUETTE_WIDER_VECTORS

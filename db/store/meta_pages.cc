@@ -77,13 +77,19 @@ std::string FaultOf(const MetaPage& meta, uint64_t number, uint32_t page_size) {
   if (meta.last_page < 1 || meta.last_page >= meta.map_bytes / page_size) {
     return absl::StrCat("its last page is ", meta.last_page, ", beyond its map");
   }
-  for (const uint64_t root : {meta.free_root, meta.main_root}) {
-    if (root != kNoRoot && (root < 2 || root > meta.last_page)) {
-      return absl::StrCat("a tree begins at page ", root, ", which it does not have");
-    }
-  }
   if (meta.transaction != 0 && meta.transaction % 2 != number) {
     return absl::StrCat("transaction ", meta.transaction, " does not write it");
+  }
+  return "";
+}
+
+// The same of where the trees begin. Only the newer page says that: where LMDB could not write a
+// meta page, as on a full disk, it leaves the new trees there beside the transaction before.
+std::string FaultOfTrees(const MetaPage& newer) {
+  for (const uint64_t root : {newer.free_root, newer.main_root}) {
+    if (root != kNoRoot && (root < 2 || root > newer.last_page)) {
+      return absl::StrCat("a tree begins at page ", root, ", which it does not have");
+    }
   }
   return "";
 }
@@ -115,7 +121,10 @@ absl::Status CheckOnce(int file, const std::string& name, MetaBytes& read) {
   }
   const MetaPage second(read[1].data());
   for (uint64_t i = 0; i < 2; ++i) {
-    const std::string fault = FaultOf(i == 0 ? first : second, i, size);
+    const MetaPage& meta = i == 0 ? first : second;
+    const MetaPage& other = i == 0 ? second : first;
+    std::string fault = FaultOf(meta, i, size);
+    if (fault.empty() && meta.transaction >= other.transaction) fault = FaultOfTrees(meta);
     if (!fault.empty()) return Damaged(name, absl::StrCat("meta page ", i, ": ", fault));
   }
   const uint64_t distance = first.transaction > second.transaction

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <iterator>
 #include <map>
-#include <opencv2/imgcodecs.hpp>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -19,6 +19,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/segmentation/difference.h"
+#include "common/picture/camera_image.h"
 #include "db/mask/mask.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -29,66 +30,6 @@
 namespace silhouette {
 
 namespace {
-
-// The size of an encoded camera image, read without decoding it.
-
-struct ImageSize {
-  int width = 0;
-  int height = 0;
-};
-
-// With their lengths, as they contain zeros.
-constexpr std::string_view kPngStart("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", 16);
-constexpr std::string_view kPngEnd("\0\0\0\0IEND\xae\x42\x60\x82", 12);
-constexpr std::string_view kJpegStart("\xff\xd8\xff");
-constexpr std::string_view kJpegEnd("\xff\xd9");
-
-// A big-endian number of `count` bytes; `at + count` is within `bytes`.
-uint32_t NumberAt(std::string_view bytes, size_t at, size_t count) {
-  uint32_t number = 0;
-  for (size_t i = 0; i < count; ++i) number = number << 8 | static_cast<uint8_t>(bytes[at + i]);
-  return number;
-}
-
-std::optional<ImageSize> PngSize(std::string_view bytes) {
-  if (bytes.size() < kPngStart.size() + 8 || !bytes.ends_with(kPngEnd)) return std::nullopt;
-  return ImageSize{static_cast<int>(NumberAt(bytes, kPngStart.size(), 4)),
-                   static_cast<int>(NumberAt(bytes, kPngStart.size() + 4, 4))};
-}
-
-// Whether a JPEG marker starts a frame: SOF0 to SOF15 without DHT, JPG and DAC.
-bool StartsFrame(uint8_t marker) {
-  return marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc;
-}
-
-std::optional<ImageSize> JpegSize(std::string_view bytes) {
-  // Some cameras pad their images with zeros.
-  while (bytes.ends_with('\0')) bytes.remove_suffix(1);
-  if (!bytes.ends_with(kJpegEnd)) return std::nullopt;
-  size_t at = 2;
-  while (at + 9 <= bytes.size() && bytes[at] == '\xff') {
-    const auto marker = static_cast<uint8_t>(bytes[at + 1]);
-    if (marker == 0xff) {  // a fill byte
-      ++at;
-      continue;
-    }
-    if (StartsFrame(marker)) {
-      return ImageSize{static_cast<int>(NumberAt(bytes, at + 7, 2)),
-                       static_cast<int>(NumberAt(bytes, at + 5, 2))};
-    }
-    at += 2 + NumberAt(bytes, at + 2, 2);
-  }
-  return std::nullopt;
-}
-
-// The size that a PNG or JPEG image says it has; nothing if the bytes are not one of these, or stop
-// before its end. Half an image must not pass: decoders fill in what is missing, and what they fill
-// in may look like the empty cell.
-std::optional<ImageSize> SizeOfWholeImage(std::string_view bytes) {
-  if (bytes.starts_with(kPngStart)) return PngSize(bytes);
-  if (bytes.starts_with(kJpegStart)) return JpegSize(bytes);
-  return std::nullopt;
-}
 
 std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
 
@@ -104,21 +45,17 @@ absl::StatusOr<SceneMask> ShownBy(const EncodedImage& image, const ServedDatabas
   const Reference& reference = database.reference(view);
   const absl::Status unreadable = absl::InvalidArgumentError(
       "the camera image cannot be decoded; send a whole PNG or JPEG image");
-  const std::optional<ImageSize> told = SizeOfWholeImage(image.bytes);
+  const std::optional<cv::Size> told = SizeOfCameraImage(image.bytes);
   if (!told) return unreadable;
-  if (cv::Size(told->width, told->height) != reference.size()) {
+  if (*told != reference.size()) {
     return absl::InvalidArgumentError(absl::StrCat(
         "the camera image is ", SizeText(told->width, told->height), ", and its reference image ",
         SizeText(reference.size().width, reference.size().height)));
   }
+  const std::optional<cv::Mat> decoded = DecodeCameraImage(image.bytes);
+  if (!decoded) return unreadable;
   try {
-    const cv::Mat bytes(1, static_cast<int>(image.bytes.size()), CV_8UC1,
-                        const_cast<char*>(image.bytes.data()));
-    // As the sensor sees it: a note on how the camera was held must not turn the image.
-    const cv::Mat decoded =
-        cv::imdecode(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    if (decoded.size() != reference.size()) return unreadable;
-    return SceneMaskOf(decoded, GradedForeground(decoded, reference, settings), database, view,
+    return SceneMaskOf(*decoded, GradedForeground(*decoded, reference, settings), database, view,
                        settings.min_cover);
   } catch (const cv::Exception&) {
     return unreadable;

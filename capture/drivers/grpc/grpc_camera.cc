@@ -5,7 +5,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -13,6 +13,7 @@
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "common/picture/camera_image.h"
 #include "db/status/status_macros.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 
@@ -31,35 +32,6 @@ std::chrono::system_clock::time_point Within(absl::Duration time) {
 absl::Status GrpcCameraStatusOf(const grpc::Status& status, const std::string& address) {
   return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
                       absl::StrCat("the camera driver at ", address, ": ", status.error_message()));
-}
-
-// The pixels of an image as its message has them.
-absl::StatusOr<CameraImage> PixelsOf(const v1::DriverImage& message, absl::Time captured) {
-  if (message.has_raw()) {
-    const v1::RawImage& raw = message.raw();
-    const bool possible = raw.width() > 0 && raw.height() > 0 &&
-                          (raw.channels() == 1 || raw.channels() == 3) &&
-                          raw.pixels().size() == static_cast<size_t>(raw.width()) *
-                                                     static_cast<size_t>(raw.height()) *
-                                                     static_cast<size_t>(raw.channels());
-    if (!possible) {
-      return absl::DataLossError(absl::StrCat("an image of ", raw.width(), " x ", raw.height(),
-                                              " pixels with ", raw.channels(), " channels has ",
-                                              raw.pixels().size(), " bytes"));
-    }
-    return CameraImage{.width = raw.width(),
-                       .height = raw.height(),
-                       .channels = raw.channels(),
-                       .pixels = {raw.pixels().begin(), raw.pixels().end()},
-                       .captured = captured};
-  }
-  const std::string& bytes = message.encoded();
-  if (bytes.empty()) return absl::DataLossError("an image is empty");
-  // OpenCV does not write to what it is only to read.
-  const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-  const cv::Mat image = cv::imdecode(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  if (image.empty()) return absl::DataLossError("an image is neither a PNG nor a JPEG");
-  return CameraImageOf(image, captured);
 }
 
 // When an image of a call from `begin` to `end` was taken.
@@ -171,7 +143,7 @@ class GrpcCameras : public CameraSource {
     for (const v1::DriverImage& message : call->response.images()) {
       const auto captured = CaptureTime(message, call->begin, end);
       if (!captured.ok()) return Faulty(captured.status());
-      auto image = PixelsOf(message, *captured);
+      auto image = ImageOf(message, *captured);
       if (!image.ok()) return Faulty(image.status());
       images.push_back(*std::move(image));
     }
@@ -211,6 +183,30 @@ class GrpcCameras : public CameraSource {
 };
 
 }  // namespace
+
+absl::StatusOr<CameraImage> ImageOf(const v1::DriverImage& message, absl::Time captured) {
+  if (message.has_raw()) {
+    const v1::RawImage& raw = message.raw();
+    const bool possible = raw.width() > 0 && raw.height() > 0 &&
+                          (raw.channels() == 1 || raw.channels() == 3) &&
+                          raw.pixels().size() == static_cast<size_t>(raw.width()) *
+                                                     static_cast<size_t>(raw.height()) *
+                                                     static_cast<size_t>(raw.channels());
+    if (!possible) {
+      return absl::DataLossError(absl::StrCat("an image of ", raw.width(), " x ", raw.height(),
+                                              " pixels with ", raw.channels(), " channels has ",
+                                              raw.pixels().size(), " bytes"));
+    }
+    return CameraImage{.width = raw.width(),
+                       .height = raw.height(),
+                       .channels = raw.channels(),
+                       .pixels = {raw.pixels().begin(), raw.pixels().end()},
+                       .captured = captured};
+  }
+  const std::optional<cv::Mat> image = DecodeCameraImage(message.encoded());
+  if (!image) return absl::DataLossError("an image is not a whole PNG or JPEG");
+  return CameraImageOf(*image, captured);
+}
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
                                                               const std::vector<GrpcView>& views,

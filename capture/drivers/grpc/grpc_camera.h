@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/devices/devices.h"
+#include "silhouette/v1/camera_driver.pb.h"
 
 namespace silhouette {
 
@@ -26,5 +27,9 @@ struct GrpcView {
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
                                                               const std::vector<GrpcView>& views,
                                                               absl::Duration timeout);
+
+// The image in a driver's message, taken at `captured`. DataLoss: the message has none, or one that
+// cannot be.
+absl::StatusOr<CameraImage> ImageOf(const v1::DriverImage& message, absl::Time captured);
 
 }  // namespace silhouette

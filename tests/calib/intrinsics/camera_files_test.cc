@@ -93,6 +93,25 @@ distortion_coefficients: !!opencv-matrix
    data: [ -0.2, 0.08, 5e-4, -4e-4, -0.01 ]
 )";
 
+constexpr char kOpenCvXml[] = R"(<?xml version="1.0"?>
+<opencv_storage>
+<calibration_time>"Mon Mar  2 10:11:12 2026"</calibration_time>
+<image_width>640</image_width>
+<image_height>480</image_height>
+<camera_matrix type_id="opencv-matrix">
+  <rows>3</rows>
+  <cols>3</cols>
+  <dt>d</dt>
+  <data>
+    500. 0. 320. 0. 501. 240.5 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-matrix">
+  <rows>1</rows>
+  <cols>5</cols>
+  <dt>d</dt>
+  <data>
+    -2.0e-01 8.0e-02 0. 0. 5.0e-04</data></distortion_coefficients>
+</opencv_storage>)";
+
 constexpr char kRos[] = R"(image_width: 640
 image_height: 480
 camera_name: narrow_stereo
@@ -139,6 +158,19 @@ TEST(ForeignCameraFile, OfOpenCvIsRead) {
   EXPECT_EQ(k.cx, 645.5);
   EXPECT_EQ(k.cy, 470.25);
   EXPECT_THAT(k.distortion, ElementsAre(-0.2, 0.08, 5e-4, -4e-4, -0.01, 0, 0, 0));
+}
+
+TEST(ForeignCameraFile, OfOpenCvIsReadAsXml) {
+  const auto read = CameraFromForeignText(kOpenCvXml, "out.xml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->format, "OpenCV");
+  EXPECT_EQ(read->camera.intrinsics().width, 640);
+  EXPECT_EQ(read->camera.intrinsics().cy, 240.5);
+  EXPECT_THAT(read->camera.intrinsics().distortion, ElementsAre(-0.2, 0.08, 0, 0, 5e-4, 0, 0, 0));
+  const std::string text = kOpenCvXml;
+  for (size_t length = 5; length < text.size() - 2; ++length) {
+    EXPECT_FALSE(CameraFromForeignText(text.substr(0, length), "out.xml").ok()) << length;
+  }
 }
 
 TEST(ForeignCameraFile, OfRosIsReadInBothItsForms) {
@@ -193,6 +225,7 @@ TEST(ForeignCameraFile, SaysWhatItDoesNotHold) {
   EXPECT_THAT(refusal(kRos, {}, "[500, 0,", "[500, 1.5,"), HasSubstr("no skew"));
   EXPECT_THAT(refusal(kRos, {}, "[500, 0,", "[-500, 0,"), HasSubstr("focal length"));
   EXPECT_THAT(refusal("a: 1\n"), HasSubstr("no camera is found in it"));
+  EXPECT_THAT(refusal(kRos, {}, "rows: 1", "rows: 1073741824"), HasSubstr("does not belong here"));
 }
 
 }  // namespace

@@ -278,6 +278,17 @@ TEST_F(MakeSceneTest, RefusesCameraImagesThatCannotBeReadOrHaveTheWrongSize) {
   EXPECT_EQ(Refusal(), "views[0] 'left': the camera image is 40x40, and its reference image 64x48");
 }
 
+// Of images that a decoder completes: pixels of its own making may look like the empty cell.
+TEST_F(MakeSceneTest, RefusesAJpegImageThatLacksItsMiddle) {
+  std::vector<uint8_t> jpeg;
+  cv::imencode(".jpg", CameraPicture(0, RobotMask(0, 0, 0)), jpeg);
+  const std::string whole(jpeg.begin(), jpeg.end());
+  input.views[0].image = EncodedImage{whole.substr(0, whole.size() / 2) + "\xff\xd9"};
+  EXPECT_THAT(Refusal(), HasSubstr("cannot be decoded"));
+  input.views[0].image = EncodedImage{whole.substr(0, whole.size() - 2) + "more\xff\xd9"};
+  EXPECT_TRUE(Make(*database, input).ok()) << "bytes after the last pixel, as some cameras send";
+}
+
 TEST_F(MakeSceneTest, RefusesCameraImagesWithoutReferences) {
   const auto without = NewDatabase();
   input.views[0].image = EncodedImage{PngOf(CameraPicture(0, Mask(kViewSizes[0])))};
