@@ -57,7 +57,7 @@ TEST_P(Parser, LivesThroughItsSeedsItsCorpusAndWhatIsLikeThem) {
   for (std::string& bytes : Corpus(target.name)) inputs.push_back(std::move(bytes));
   for (const std::string& bytes : inputs) target.parse(bytes);
   Random random;
-  for (int i = 0; i < SampleCount(300); ++i) {
+  for (int i = 0; i < SampleCount(100); ++i) {
     target.parse(Mutated(inputs[random() % inputs.size()], random));
   }
 }
