@@ -22,8 +22,10 @@ struct SamplerSettings {
   double clearance = 0.08;
   // The same of links with no more than two joints between them: wrists are built close.
   double clearance_of_near = 0.02;
-  // Motions are looked at where no point of the robot moves farther than this, metres.
-  double step = 0.04;
+  // Motions are looked at where no point of the robot moves farther than this, metres. Between two
+  // looks two parts come nearer to each other by no more: each is within half of it of a look. So
+  // with no more than the least clearance nothing touches.
+  double step = 0.02;
   // Configurations that are tried until one can be reached.
   int most_tries = 20'000;
 };
