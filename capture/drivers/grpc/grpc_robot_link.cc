@@ -23,6 +23,10 @@ namespace {
 constexpr std::chrono::milliseconds kPeriod{15};
 
 absl::Status GrpcRobotLinkStatusOf(const std::string& address, const grpc::Status& status) {
+  // Nobody asks for the end of the calls that this client cancels: the driver ends, and its calls.
+  if (status.error_code() == grpc::StatusCode::CANCELLED) {
+    return absl::UnavailableError(absl::StrCat("the driver at ", address, " ended a call"));
+  }
   return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
                       absl::StrCat("the driver at ", address, ": ", status.error_message()));
 }

@@ -96,7 +96,9 @@ TEST_F(GrpcRobotTest, DriverThatEndsOnTheWayStopsTheRobotAndTheNextOneGoesOn) {
   ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
   server_.reset();
   EXPECT_TRUE(Eventually([&] { return !controller_.state().moving; }));
-  EXPECT_THAT(move.get().message(), HasSubstr("the stop command failed"));
+  const absl::Status lost = move.get();
+  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
+  EXPECT_THAT(lost.message(), HasSubstr("the stop command failed"));
   Serve();
   robot = Connect(server_->address(), {.joint_speed = 4});
   EXPECT_TRUE(robot->MoveTo(kHere).ok());
