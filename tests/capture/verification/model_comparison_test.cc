@@ -56,7 +56,7 @@ struct ModelComparisonTest : ::testing::Test {
 
   // Captured masks of `truth`, at joint values that are off by `offset`.
   std::vector<ModelSample> Samples(const DrawnRobot& truth, const std::vector<double>& offset,
-                                   int count = 60) {
+                                   int count = SampleCount(30) < 30 ? 30 : 60) {
     std::vector<ModelSample> samples;
     for (int i = 0; i < count; ++i) {
       const std::vector<double> q = RandomPositions(random, robot);

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "tests/random.h"
@@ -130,7 +131,7 @@ TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
   Random random;
   const VoxelSpace space = SomeSpace();
   int64_t remaining = 0;
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < std::max(SampleCount(8), 4); ++i) {
     const PossibleSpaceRandomScene scene(space, random, i % 4 == 3, i % 2 == 1);
     for (int may_occlude : {0, 1, 200}) {
       const PossibleSpace possible(space, scene.images, scene.Robot(space), scene.allowed,
