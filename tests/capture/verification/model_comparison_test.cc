@@ -56,7 +56,7 @@ struct ModelComparisonTest : ::testing::Test {
 
   // Captured masks of `truth`, at joint values that are off by `offset`.
   std::vector<ModelSample> Samples(const DrawnRobot& truth, const std::vector<double>& offset,
-                                   int count = SampleCount(30) < 30 ? 30 : 60) {
+                                   int count = 30) {
     std::vector<ModelSample> samples;
     for (int i = 0; i < count; ++i) {
       const std::vector<double> q = RandomPositions(random, robot);
@@ -96,7 +96,7 @@ struct ModelComparisonTest : ::testing::Test {
 };
 
 TEST_F(ModelComparisonTest, RobotAsItsModelNeedsNoGrowth) {
-  const ModelComparison found = Found(Samples(Drawn(robot, Views()), exact));
+  const ModelComparison found = Found(Samples(Drawn(robot, Views()), exact, 60));
   EXPECT_THAT(found.faults, IsEmpty());
   for (const ComparedLink& link : found.links) EXPECT_EQ(link.growth, 0);
   EXPECT_EQ(found.additional, 0);
@@ -132,7 +132,8 @@ TEST_F(ModelComparisonTest, WhatIsFartherThanTheMostGrowthIsRefusedWithItsLink) 
 }
 
 TEST_F(ModelComparisonTest, CameraThatTurnedByADegreeIsRefusedWithItsView) {
-  const ModelComparison found = Found(Samples(Drawn(robot, Views(std::numbers::pi / 180)), exact));
+  const ModelComparison found =
+      Found(Samples(Drawn(robot, Views(std::numbers::pi / 180)), exact, 60));
   EXPECT_THAT(found.faults, Contains(HasSubstr("view 'top': captured masks are shifted")));
   for (const std::string& fault : found.faults) EXPECT_THAT(fault, HasSubstr("'top'"));
 }
