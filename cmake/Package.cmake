@@ -6,15 +6,6 @@ set(made ${PROJECT_BINARY_DIR}/package)
 install(DIRECTORY ${made}/man/programs/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT programs OPTIONAL)
 install(DIRECTORY ${made}/man/server/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT server OPTIONAL)
 install(DIRECTORY ${made}/html DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/silhouette-doc COMPONENT doc OPTIONAL)
-foreach(program IN ITEMS silhouette silhouette-calibrate silhouette-capture silhouette-db silhouette-experiments
-        silhouette-sim silhouette-server)
-  set(component programs)
-  if(program STREQUAL "silhouette-server")
-    set(component server)
-  endif()
-  install(FILES ${package}/completion.bash RENAME ${program}
-    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT ${component})
-endforeach()
 install(FILES ${package}/silhouette-server@.service DESTINATION lib/systemd/system COMPONENT server)
 install(FILES ${package}/silhouette.sysusers RENAME silhouette.conf DESTINATION lib/sysusers.d COMPONENT server)
 

@@ -149,6 +149,8 @@ function(silhouette_program)
     set(component server)
   endif()
   install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${component})
+  install(FILES ${PROJECT_SOURCE_DIR}/cmake/package/completion.bash RENAME ${program}
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT ${component})
 endfunction()
 
 # silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS label]

@@ -37,6 +37,21 @@ inline const std::vector<MaskSize> kViewSizes = {{16, 12}, {16, 12}, {10, 10}};
 // Camera pixels per mask pixel.
 inline constexpr int kScale = 4;
 
+// It as a cell file, with camera images of the masks' sizes.
+inline constexpr char kServerTestCellFile[] = R"(name: server test
+robot:
+  joints:
+    - {name: a, lower: 0, upper: 4}
+    - {name: b, lower: -180 deg, continuous: true}
+  fixed: {lift: 0.5}
+grid:
+  steps: {a: 5, b: 8}
+views:
+  - {name: left, mask_size: [16, 12]}
+  - {name: right, mask_size: [16, 12]}
+  - {name: top, mask_size: [10, 10]}
+)";
+
 inline storage::v1::CellDescription ServerTestCell() {
   storage::v1::CellDescription cell;
   cell.set_name("server test");

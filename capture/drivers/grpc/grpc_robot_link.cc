@@ -23,7 +23,7 @@ namespace {
 constexpr std::chrono::milliseconds kPeriod{15};
 
 absl::Status GrpcRobotLinkStatusOf(const std::string& address, const grpc::Status& status) {
-  // Nobody asks for the end of the calls that this client cancels: the driver ends, and its calls.
+  // By the driver, which ends: calls that this client cancels are not reported.
   if (status.error_code() == grpc::StatusCode::CANCELLED) {
     return absl::UnavailableError(absl::StrCat("the driver at ", address, " ended a call"));
   }

@@ -44,6 +44,20 @@ inline storage::v1::CellDescription TestCell(int first_steps = 20, int second_st
   return cell;
 }
 
+// TestCell(6, 5) as a cell file.
+inline constexpr char kTestCellFile[] = R"(name: test cell
+robot:
+  joints:
+    - {name: axis_1, lower: -1, upper: 1.5}
+    - {name: axis_2, lower: -1, upper: 1.5}
+  fixed: {axis_3: 0.25}
+grid:
+  steps: {axis_1: 6, axis_2: 5}
+views:
+  - {name: left, image_size: [640, 480], mask_size: [64, 64]}
+  - {name: top, mask_size: [33, 20]}
+)";
+
 inline std::vector<ConfigurationNumber> AllNumbers(const ConfigurationGrid& grid) {
   std::vector<ConfigurationNumber> numbers;
   for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {

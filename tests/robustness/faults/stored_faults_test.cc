@@ -22,25 +22,13 @@
 #include "db/store/collision_index.h"
 #include "db/store/shards.h"
 #include "tests/capture/session/program_cell.h"
+#include "tests/db/store/test_cell.h"
 #include "tests/shell.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kCell[] = R"(name: test cell
-robot:
-  joints:
-    - {name: axis_1, lower: -1, upper: 1.5}
-    - {name: axis_2, lower: -1, upper: 1.5}
-  fixed: {axis_3: 0.25}
-grid:
-  steps: {axis_1: 6, axis_2: 5}
-views:
-  - {name: left, image_size: [640, 480], mask_size: [64, 64]}
-  - {name: top, mask_size: [33, 20]}
-)";
 
 constexpr long kMostOfAKind = 100;
 const bool kAll = std::getenv("ROBUSTNESS_ALL") != nullptr;
@@ -63,7 +51,7 @@ void RunOrFail(const Shell& shell, const std::string& command) {
 }
 
 void MakeTestDatabase(const Shell& shell, const std::string& name, bool drawn = false) {
-  WriteFile(shell.folder() / "cell.yaml", kCell);
+  WriteFile(shell.folder() / "cell.yaml", kTestCellFile);
   const auto database = Database::Create(shell.folder() / name, TestCell(6, 5));
   ASSERT_TRUE(database.ok()) << database.status();
   if (drawn) {

@@ -5,6 +5,7 @@
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <deque>
@@ -28,10 +29,10 @@
 namespace silhouette {
 
 // Publishes scenes of the cell of test_cell.h, asks for verdicts on all of its configurations and
-// watches its map, all the time. A verdict FREE is justified if a scene that was published, was not
-// older than kMaxAge when the verdict was asked for, and that the answer names where it names one,
-// shows the configuration free. Any other FREE is a failure, and so is an answer from an older
-// scene than that of an answer before.
+// watches its map, all the time. A verdict FREE is justified if the scene that it names was
+// published, was not older than kMaxAge when the verdict was asked for, and shows the configuration
+// free. A scene whose number the server has not answered yet may be any that is not known. Any
+// other FREE is a failure, and so is an answer from an older scene than that of an answer before.
 class Checker {
  public:
   static constexpr absl::Duration kMaxAge = absl::Milliseconds(400);  // as the server has it
@@ -63,7 +64,8 @@ class Checker {
     fault_ = fault;
   }
 
-  // So many more verdicts FREE from calls and from the map; false: not within the time.
+  // Waits for `more` verdicts FREE from calls, and as many from the map; false: they did not come
+  // within `most`.
   bool WaitForFree(int more, absl::Duration most = absl::Seconds(20)) const {
     const int asked = asked_free_ + more;
     const int looked = looked_free_ + more;
@@ -143,12 +145,15 @@ class Checker {
   // Whether a FREE of joint a at `a`, asked for at `asked`, is justified. `id`: of the scene that
   // the answer names.
   bool Justified(int a, absl::Duration asked, uint64_t id) {
+    if (id == 0) return false;
     const std::lock_guard lock(mutex_);
-    for (auto scene = scenes_.rbegin(); scene != scenes_.rend(); ++scene) {
-      if (scene->captured < asked - kMaxAge) return false;
-      if ((scene->id == 0 || scene->id == id) && scene->Frees(a)) return true;
-    }
-    return false;
+    const auto frees = [&](const Published& scene) {
+      return scene.captured >= asked - kMaxAge && scene.Frees(a);
+    };
+    const auto named = std::ranges::find(scenes_, id, &Published::id);
+    if (named != scenes_.end()) return frees(*named);
+    return std::ranges::any_of(
+        scenes_, [&](const Published& scene) { return scene.id == 0 && frees(scene); });
   }
 
   void AskAll() {

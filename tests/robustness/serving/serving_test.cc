@@ -24,26 +24,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kCell[] = R"(name: server test
-robot:
-  joints:
-    - {name: a, lower: 0, upper: 4}
-    - {name: b, lower: -180 deg, continuous: true}
-  fixed: {lift: 0.5}
-grid:
-  steps: {a: 5, b: 8}
-views:
-  - {name: left, mask_size: [16, 12]}
-  - {name: right, mask_size: [16, 12]}
-  - {name: top, mask_size: [10, 10]}
-server: {max_age: 400 ms}
-)";
-
 // A server of that cell; `fault`: as FAULT of ../faults/preload/faults.cc, or empty.
 class ServingProgram {
  public:
   explicit ServingProgram(const std::string& fault = "") {
-    std::ofstream(folder_ / "cell.yaml") << kCell;
+    std::ofstream(folder_ / "cell.yaml") << kServerTestCellFile << "server: {max_age: 400 ms}\n";
     MakeDatabase(database(),
                  {.index = true, .cell = DescriptionOf(*LoadCell(folder_ / "cell.yaml"))});
     std::vector<std::string> command = {"/usr/bin/env"};

@@ -28,19 +28,6 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr char kCell[] = R"(name: test cell
-robot:
-  joints:
-    - {name: axis_1, lower: -1, upper: 1.5}
-    - {name: axis_2, lower: -1, upper: 1.5}
-  fixed: {axis_3: 0.25}
-grid:
-  steps: {axis_1: 6, axis_2: 5}
-views:
-  - {name: left, image_size: [640, 480], mask_size: [64, 64]}
-  - {name: top, mask_size: [33, 20]}
-)";
-
 class SilhouetteDb : public ProgramTest {
  protected:
   SilhouetteDb() : ProgramTest("silhouette-db") {}
@@ -296,7 +283,7 @@ TEST_F(SilhouetteDb, StatsListsOutliersByNumber) {
 
 TEST_F(SilhouetteDb, ExportAndImportLoseNothing) {
   MakeDatabase("db", 0, {3});
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   EXPECT_EQ(Run("export db out").exit_code, 0);
   const Ended imported = Run("import --cell cell.yaml --database copy out");
   EXPECT_EQ(imported.exit_code, 0) << imported.err;
@@ -308,7 +295,7 @@ TEST_F(SilhouetteDb, ExportAndImportLoseNothing) {
 
 TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
   MakeDatabase("db");
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   ASSERT_EQ(Run("export db out").exit_code, 0);
   const std::string table = Read("out/configurations.csv");
   Write("out/configurations.csv", table.substr(0, table.find('\n', table.size() / 2) + 1));
@@ -323,7 +310,7 @@ TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
 
 TEST_F(SilhouetteDb, ImportNeverMixesMasksWithDrawnOnes) {
   MakeDatabase("db");
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   ASSERT_EQ(Run("export db out").exit_code, 0);
   {
     const auto from = Database::Open((folder_ / "db").string(), Database::Access::kRead);
@@ -341,7 +328,7 @@ TEST_F(SilhouetteDb, ImportNeverMixesMasksWithDrawnOnes) {
 }
 
 TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   const Mask left = Mask::FromPredicate({64, 64}, [](int x, int y) { return x == y; });
   const Mask top = Mask::FromPredicate({33, 20}, [](int x, int) { return x == 4; });
   Write("masks/l.png", EncodeMaskPng(left));
@@ -362,7 +349,7 @@ TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
 }
 
 TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   Write("l.png", EncodeMaskPng(Mask({64, 64})));
   Write("t.png", EncodeMaskPng(Mask({33, 20})));
   Write("text.png", "no image");
@@ -400,7 +387,7 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
 }
 
 TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   const auto refusal = [&](const std::string& header) {
     Write("configurations.csv", header + "\n");
     const Ended outcome = Run("import . --cell cell.yaml --database db");
@@ -421,7 +408,7 @@ TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
 
 TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
   MakeDatabase("db");
-  Write("cell.yaml", kCell);
+  Write("cell.yaml", kTestCellFile);
   ASSERT_EQ(Run("export db out").exit_code, 0);
   MakeDatabase("other", 1);
   const Ended outcome = Run("import out --cell cell.yaml --database other");
@@ -429,7 +416,7 @@ TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
   EXPECT_THAT(outcome.err, HasSubstr("the database has another record of this configuration"));
   EXPECT_EQ(Run("import out --replace --cell cell.yaml --database other").exit_code, 0);
   EXPECT_EQ(Run("diff db other").exit_code, 0);
-  Write("cell.yaml", absl::StrReplaceAll(kCell, {{"axis_1: 6", "axis_1: 7"}}));
+  Write("cell.yaml", absl::StrReplaceAll(kTestCellFile, {{"axis_1: 6", "axis_1: 7"}}));
   const Ended another = Run("import out --cell cell.yaml --database other");
   EXPECT_EQ(another.exit_code, 2);
   EXPECT_THAT(another.err,

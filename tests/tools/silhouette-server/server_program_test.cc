@@ -33,20 +33,6 @@ using ::testing::Not;
 using ::testing::Pair;
 using ::testing::StartsWith;
 
-constexpr char kCell[] = R"(name: server test
-robot:
-  joints:
-    - {name: a, lower: 0, upper: 4}
-    - {name: b, lower: -180 deg, continuous: true}
-  fixed: {lift: 0.5}
-grid:
-  steps: {a: 5, b: 8}
-views:
-  - {name: left, mask_size: [16, 12]}
-  - {name: right, mask_size: [16, 12]}
-  - {name: top, mask_size: [10, 10]}
-)";
-
 void WriteFile(const std::string& path, const std::string& text) {
   std::ofstream(path, std::ios::binary) << text;
 }
@@ -66,7 +52,7 @@ struct ServerProgramTest : ::testing::Test {
   std::string database = folder / "db";
 
   void SetUp() override {
-    WriteFile(cell, kCell);
+    WriteFile(cell, kServerTestCellFile);
     MakeDatabase(database, {.missing = {{0, 7}}, .cell = DescriptionOf(*LoadCell(cell))});
   }
 
@@ -87,7 +73,7 @@ struct ServerProgramTest : ::testing::Test {
                      limit,
                      "<joint name='b' type='continuous'><parent link='y'/>"
                      "<child link='lid'/></joint></robot>"));
-    std::string text = kCell;
+    std::string text = kServerTestCellFile;
     text.replace(text.find("  joints:"), 0, "  urdf: robot.urdf\n" + in_robot);
     text = std::regex_replace(text, std::regex("mask_size"), "image_size: [64, 48], mask_size");
     text += rest;
@@ -221,7 +207,8 @@ TEST_F(ServerProgramTest, ListensOnAUnixSocketAndTakesItOverFromADeadServer) {
 }
 
 TEST_F(ServerProgramTest, CellFileSaysDatabaseAndAddress) {
-  WriteFile(cell, std::string(kCell) + "database: db\nserver: {listen: '127.0.0.1:0'}\n");
+  WriteFile(cell,
+            std::string(kServerTestCellFile) + "database: db\nserver: {listen: '127.0.0.1:0'}\n");
   ServerProgram program(folder, {"--cell", cell});
   EXPECT_EQ(DatabaseAt(program.Address()).configurations(), 40u);
 }
@@ -240,7 +227,7 @@ TEST_F(ServerProgramTest, RobotImagesStayInTheDatabaseIfTheyTakeMoreMemoryThanTh
   const std::string in_place = "read from '" + database + "' when needed";
   EXPECT_THAT(log_of({}), AllOf(HasSubstr(in_memory), Not(HasSubstr(in_place))));
   EXPECT_THAT(log_of({"--robot-image-memory", "1kB"}), HasSubstr(in_place));
-  WriteFile(cell, std::string(kCell) + "server: {robot_image_memory: 0 B}\n");
+  WriteFile(cell, std::string(kServerTestCellFile) + "server: {robot_image_memory: 0 B}\n");
   EXPECT_THAT(log_of({}), HasSubstr(in_place));
   EXPECT_THAT(log_of({"--robot-image-memory", "1GB"}), HasSubstr(in_memory));
 }
@@ -290,7 +277,7 @@ TEST_F(ServerProgramTest, PortInUseIsTheUsersMistake) {
 }
 
 TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {
-  std::string text = kCell;
+  std::string text = kServerTestCellFile;
   text.replace(text.find("a: 5"), 4, "a: 9");
   WriteFile(cell, text);
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
@@ -300,7 +287,7 @@ TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {
 }
 
 TEST_F(ServerProgramTest, PolicyThatTheDatabaseCannotServeIsTheUsersMistake) {
-  WriteFile(cell, std::string(kCell) + "policy: {preset: calibrated}\n");
+  WriteFile(cell, std::string(kServerTestCellFile) + "policy: {preset: calibrated}\n");
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, AllOf(HasSubstr(cell), HasSubstr(database),
                             HasSubstr("'calibrated' needs a calibration"),
@@ -309,17 +296,17 @@ TEST_F(ServerProgramTest, PolicyThatTheDatabaseCannotServeIsTheUsersMistake) {
 
 TEST_F(ServerProgramTest, MetreMarginWithoutCameraModelsRefusesToStart) {
   const std::string workspace = "workspace: {lower: [-1, -1, 0], upper: [1, 1, 1]}\n";
-  WriteFile(cell, std::string(kCell) + "margin: 5 cm\n" + workspace);
+  WriteFile(cell, std::string(kServerTestCellFile) + "margin: 5 cm\n" + workspace);
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, AllOf(HasSubstr(cell), HasSubstr("view 'left'"), HasSubstr("camera models"),
                             HasSubstr("silhouette-db calibration import")));
-  WriteFile(cell, std::string(kCell) + "margin: 5 cm\n");
+  WriteFile(cell, std::string(kServerTestCellFile) + "margin: 5 cm\n");
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, HasSubstr("workspace"));
 }
 
 TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
-  std::string text = kCell;
+  std::string text = kServerTestCellFile;
   text.replace(text.find("[16, 12]}"), 9, "[16, 12], ignore: pillar.png}");
   WriteFile(cell, text + "margin: 1.5 px\n");
   cv::Mat pillar(12, 16, CV_8UC1, cv::Scalar(0));
@@ -395,7 +382,7 @@ TEST_F(ServerProgramTest, CalibrationForOtherImagesIsTheUsersMistake) {
                                  "unix:" + (folder / "s").string()});
   EXPECT_TRUE(DatabaseAt(program.Address()).calibrated());
   // The cell file speaks of images of another size than those that the database was made for.
-  std::string text = kCell;
+  std::string text = kServerTestCellFile;
   text.replace(text.find("[16, 12]"), 8, "[16, 12], image_size: [640, 480]");
   WriteFile(cell, text);
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
@@ -435,7 +422,7 @@ TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
       SILHOUETTE_SOURCE_DIR "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
   ASSERT_EQ(std::system(made.c_str()), 0);
   WriteFile(cell,
-            absl::StrCat(kCell,
+            absl::StrCat(kServerTestCellFile,
                          "server: {tls: {certificate: server.pem, key: server.key, client_ca: "
                          "ca.pem}, roles: {planner: [planner]}, audit: audit.jsonl}\n"));
   ServerProgram program(folder,
@@ -556,7 +543,7 @@ TEST_F(ServerProgramTest, WrongCommandLinesAreTheUsersMistake) {
   EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--listen", "here"}), 2);
   EXPECT_THAT(errors, HasSubstr("'here'"));
   EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--listen", "unix:/no/such/s"}), 2);
-  WriteFile(cell, std::string(kCell) + "vews: 3\n");
+  WriteFile(cell, std::string(kServerTestCellFile) + "vews: 3\n");
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, HasSubstr("cell.yaml:13: unknown key 'vews'"));
 }
