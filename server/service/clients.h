@@ -46,8 +46,9 @@ struct ClientCounts {
 // Thread-safe.
 class Clients {
  public:
-  // The most clients that are counted one by one. Those without a connection or stream that called longest
-  // ago are forgotten for new ones; if there are none, new ones count as one client, kOthers.
+  // The most clients that are counted one by one. Those without a connection or stream that called
+  // longest ago are forgotten for new ones; if there are none, new ones count as one client,
+  // kOthers.
   static constexpr size_t kMost = 256;
   static constexpr char kOthers[] = "others";
 
