@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <stdexcept>
 #include <vector>
 
@@ -179,11 +180,12 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
     DropShadows(grey, reference, brightness, slow_light, foreground);
   }
   if (steps != nullptr) steps->no_shadow = foreground > 0;
-  Runs plain(foreground == kStrongEvidence);  // weak evidence at a rim is no thin part
+  std::optional<Runs> plain;  // weak evidence at a rim is no thin part
+  if (settings.keep_thin_parts) plain.emplace(foreground == kStrongEvidence);
   CleanUp(foreground, settings.clean_up_radius);
   DropSmallAreas(foreground, settings.min_blob_pixels);
   WeakenSmallAreas(foreground, settings.min_blob_pixels);
-  plain.AddThin(foreground);
+  if (plain.has_value()) plain->AddThin(foreground);
   if (!reference.undefined().empty()) foreground |= reference.undefined();
   if (steps != nullptr) {
     steps->foreground = foreground > kThinEvidence;

@@ -29,6 +29,7 @@ std::vector<Entry> Entries(const SegmentationSettings& settings) {
           {"faint_difference", Number(settings.faint_difference)},
           {"faint_side", absl::StrCat(settings.faint_side)},
           {"follow_brightness", settings.follow_brightness ? "true" : "false"},
+          {"keep_thin_parts", settings.keep_thin_parts ? "true" : "false"},
           {"min_blob_pixels", absl::StrCat(settings.min_blob_pixels)},
           {"min_cover", Number(settings.min_cover)},
           {"min_difference", Number(settings.min_difference)},
@@ -38,8 +39,8 @@ std::vector<Entry> Entries(const SegmentationSettings& settings) {
 }
 
 bool CameLater(const std::string& key) {
-  return key == "faint_difference" || key == "faint_side" || key == "shadows" ||
-         key == "texture_difference";
+  return key == "faint_difference" || key == "faint_side" || key == "keep_thin_parts" ||
+         key == "shadows" || key == "texture_difference";
 }
 
 }  // namespace
@@ -62,6 +63,7 @@ SegmentationSettings LeftOutOfDescriptions() {
   return {.faint_difference = 0,
           .texture_difference = 0,
           .faint_side = 5,
+          .keep_thin_parts = false,
           .shadows = Shadows::kForeground};
 }
 

@@ -32,6 +32,8 @@ struct SegmentationSettings {
   // Radius, in camera pixels, of the opening that removes specks and of the closing that fills
   // pinholes; 0: none.
   int clean_up_radius = 1;
+  // In robot images the opening takes away nothing that joins what it leaves: fingers of a gripper.
+  bool keep_thin_parts = true;
   // Foreground areas of fewer camera pixels are dropped.
   int min_blob_pixels = 12;
   // A mask pixel is foreground if more than this share of the camera pixels under it is; 0: any.

@@ -234,6 +234,7 @@ SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSe
   }
   settings.follow_brightness = map.Get<bool>("follow_brightness", settings.follow_brightness);
   settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
+  settings.keep_thin_parts = map.Get<bool>("keep_thin_parts", settings.keep_thin_parts);
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);
   map.Read("min_cover", settings.min_cover, &YamlNode::AsNotNegative);
   if (settings.min_cover >= 1) map.Required("min_cover").Fail("a share below 1 is expected");

@@ -302,6 +302,9 @@ TEST(Difference, ThinPartsOfTheRobotStayInItsMask) {
   EXPECT_FALSE(scene.all.at(30, 11)) << "in a scene noise could be as thin";
   EXPECT_EQ(scene.all | scene.thin, robot);
   EXPECT_TRUE((scene.all & scene.thin).Empty());
+  SegmentationSettings without = settings;
+  without.keep_thin_parts = false;
+  EXPECT_EQ(RobotMask(image, reference, without, {64, 64}), scene.all);
 }
 
 // A box 5 levels brighter than the cell: less than any pixel's threshold.
@@ -533,21 +536,29 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
 TEST(SegmentationSettings, DescriptionIsSortedAndComplete) {
   EXPECT_EQ(Describe({}),
             "clean_up_radius: 1\nfaint_difference: 2\nfaint_side: 9\nfollow_brightness: true\n"
-            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
+            "keep_thin_parts: true\nmin_blob_pixels: 12\nmin_cover: 0\n"
+            "min_difference: 8\nnoise_factor: 6\n"
             "texture_difference: 2.25\n");
   EXPECT_EQ(Describe({.faint_difference = 4, .faint_side = 3, .shadows = Shadows::kIgnore}),
             "clean_up_radius: 1\nfaint_difference: 4\nfaint_side: 3\nfollow_brightness: true\n"
-            "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
+            "keep_thin_parts: true\nmin_blob_pixels: 12\nmin_cover: 0\n"
+            "min_difference: 8\nnoise_factor: 6\n"
             "shadows: ignore\ntexture_difference: 2.25\n");
 }
 
 // As databases have them that were made when these were the defaults, or before there were such
 // keys.
 TEST(SegmentationSettings, DescriptionsOfEarlierDatabasesSayWhatTheySaid) {
-  EXPECT_EQ(Describe({.faint_difference = 3, .texture_difference = 0, .faint_side = 5}),
+  EXPECT_EQ(Describe({.faint_difference = 3,
+                      .texture_difference = 0,
+                      .faint_side = 5,
+                      .keep_thin_parts = false}),
             "clean_up_radius: 1\nfaint_difference: 3\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n");
-  EXPECT_EQ(Describe({.faint_difference = 3, .texture_difference = 1.5, .faint_side = 9}),
+  EXPECT_EQ(Describe({.faint_difference = 3,
+                      .texture_difference = 1.5,
+                      .faint_side = 9,
+                      .keep_thin_parts = false}),
             "clean_up_radius: 1\nfaint_difference: 3\nfaint_side: 9\nfollow_brightness: true\n"
             "min_blob_pixels: 12\nmin_cover: 0\nmin_difference: 8\nnoise_factor: 6\n"
             "texture_difference: 1.5\n");
@@ -555,6 +566,7 @@ TEST(SegmentationSettings, DescriptionsOfEarlierDatabasesSayWhatTheySaid) {
                       .faint_difference = 0,
                       .texture_difference = 0,
                       .follow_brightness = false,
+                      .keep_thin_parts = false,
                       .min_cover = 0.1}),
             "clean_up_radius: 1\nfollow_brightness: false\nmin_blob_pixels: 12\nmin_cover: 0.1\n"
             "min_difference: 8\nnoise_factor: 0.3333333333333333\n");

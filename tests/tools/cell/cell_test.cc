@@ -157,6 +157,7 @@ TEST(Segmentation, SettingsOfADatabaseAreThoseItWasMadeWith) {
         SegmentationSettings{.noise_factor = 1.0 / 3,
         .faint_side = 3,
         .follow_brightness = false,
+        .keep_thin_parts = false,
         .min_cover = 0.25,
         .shadows = Shadows::kIgnore}}) {
     const auto found = read(Describe(settings));
@@ -167,11 +168,15 @@ TEST(Segmentation, SettingsOfADatabaseAreThoseItWasMadeWith) {
   const std::string first =
       "clean_up_radius: 1\nfollow_brightness: true\nmin_blob_pixels: 12\nmin_cover: 0\n"
       "min_difference: 8\nnoise_factor: 6\n";
-  EXPECT_EQ(*read(first), (SegmentationSettings{
-                              .faint_difference = 0, .texture_difference = 0, .faint_side = 5}));
-  EXPECT_EQ(
-      *read(first + "faint_difference: 3\n"),
-      (SegmentationSettings{.faint_difference = 3, .texture_difference = 0, .faint_side = 5}));
+  EXPECT_EQ(*read(first), (SegmentationSettings{.faint_difference = 0,
+                                                .texture_difference = 0,
+                                                .faint_side = 5,
+                                                .keep_thin_parts = false}));
+  EXPECT_EQ(*read(first + "faint_difference: 3\n"),
+            (SegmentationSettings{.faint_difference = 3,
+                                  .texture_difference = 0,
+                                  .faint_side = 5,
+                                  .keep_thin_parts = false}));
   EXPECT_TRUE(absl::IsNotFound(read("").status()));
   EXPECT_TRUE(absl::IsInvalidArgument(read("blobs: 1\n").status()));
 }
@@ -188,6 +193,16 @@ TEST(Segmentation, CellFileThatDiffersFromItsDatabaseIsToldWhatToWrite) {
                                        "the command line", {});
   ASSERT_TRUE(settings.ok()) << settings.status();
   EXPECT_EQ(SegmentationAdvice(*settings, database), "");
+}
+
+TEST(Segmentation, DatabaseWithoutThinPartsIsNotServedAsIfItHadThem) {
+  storage::v1::CellDescription database;
+  SegmentationSettings without;
+  without.keep_thin_parts = false;
+  database.set_segmentation(Describe(without));
+  EXPECT_EQ(database.segmentation().find("thin"), std::string::npos) << "as it was captured then";
+  EXPECT_THAT(SegmentationAdvice({}, database),
+              HasSubstr("'segmentation: {keep_thin_parts: false}'"));
 }
 
 TEST(Segmentation, TextSaysWhatChangesAndRefusesWhatIsUnknown) {
