@@ -23,6 +23,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 
 namespace silhouette {
@@ -50,6 +51,7 @@ struct CamerasTaken {
   std::vector<CameraImage> images;  // of the last complete set
   std::vector<ViewCounts> counts;   // by view
   absl::Duration largest_skew;
+  absl::Duration max_skew;  // the most that a scene of this cell may have
   int complete = 0;
   absl::Status error;  // of the last set that was not
 };
@@ -61,9 +63,12 @@ absl::StatusOr<CamerasTaken> TakeSets(const CamerasOptions& options) {
                      .images = {},
                      .counts = {},
                      .largest_skew = absl::ZeroDuration(),
+                     .max_skew = cell.server.scene.max_skew,
                      .complete = 0,
                      .error = absl::OkStatus()};
+  Progress progress("images", static_cast<uint64_t>(options.sets), "sets");
   for (int set = 0; set < options.sets && !StopRequested(); ++set) {
+    progress.Update(static_cast<uint64_t>(set));
     auto images = cameras->Grab();
     if (!images.ok()) {
       taken.error = images.status();
@@ -73,6 +78,7 @@ absl::StatusOr<CamerasTaken> TakeSets(const CamerasOptions& options) {
     taken.largest_skew = std::max(taken.largest_skew, SkewOf(taken.images));
     ++taken.complete;
   }
+  progress.Update(static_cast<uint64_t>(options.sets));
   taken.counts = cameras->counts();
   return taken;
 }
@@ -133,8 +139,17 @@ void PrintTaken(const CamerasOptions& options, const CamerasTaken& taken) {
   }
   std::cout << TextOf(table);
   if (taken.images.empty()) return;
-  std::cout << "skew: " << taken.largest_skew
-            << " at most (the time from the oldest to the newest image of a set)\n";
+  std::cout << absl::StreamFormat(
+      "skew: %.1f ms at most (the time from the oldest to the newest image of a set)\n",
+      absl::ToDoubleMilliseconds(taken.largest_skew));
+  if (taken.largest_skew > taken.max_skew) {
+    std::cout << absl::StreamFormat(
+        "That is more than max_skew, %.0f ms: nothing is free in scenes of such images. Trigger "
+        "the "
+        "cameras together; or raise 'server: max_skew' in the cell file, if nothing in the cell "
+        "moves far in that time.\n",
+        absl::ToDoubleMilliseconds(taken.max_skew));
+  }
   if (!options.out.empty()) {
     std::cout << "wrote the images, and all on one sheet to " << options.out << "/all.png\n";
   }
@@ -158,6 +173,7 @@ nlohmann::ordered_json CamerasJsonOf(const CamerasOptions& options, const Found&
   json["sets"] = options.sets;
   json["complete"] = taken->complete;
   json["skew"] = absl::ToDoubleSeconds(taken->largest_skew);
+  json["max_skew"] = absl::ToDoubleSeconds(taken->max_skew);
   for (size_t v = 0; v < taken->views.size(); ++v) {
     const ViewCounts& counts = taken->counts[v];
     nlohmann::ordered_json view{{"name", taken->views[v]},
@@ -170,7 +186,7 @@ nlohmann::ordered_json CamerasJsonOf(const CamerasOptions& options, const Found&
       view["height"] = image.height;
       view["channels"] = image.channels;
       view["mean_level"] = MeanLevel(image);
-      view["time"] = absl::FormatTime(absl::RFC3339_full, image.captured, absl::UTCTimeZone());
+      view["time"] = absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", image.captured, absl::UTCTimeZone());
       if (!options.out.empty()) view["picture"] = options.out + "/" + taken->views[v] + ".png";
     }
     json["views"].push_back(std::move(view));
@@ -180,6 +196,7 @@ nlohmann::ordered_json CamerasJsonOf(const CamerasOptions& options, const Found&
 
 absl::StatusOr<ExitCode> CamerasRun(const CamerasOptions& options) {
   CatchStopSignals();
+  std::cerr << "looking for cameras on the network, USB and /dev/video*" << std::endl;
   const Found found{.genicam = FindGenicamCameras(), .v4l2 = FindV4l2Devices()};
   if (!options.json()) PrintFound(found);
   std::optional<CamerasTaken> taken;

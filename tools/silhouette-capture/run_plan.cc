@@ -180,8 +180,10 @@ std::string PlanText(const CapturePlan& plan, const DiskRoom& room) {
   }
   absl::StrAppendFormat(&text, "there already      %d\n", plan.kept);
   const absl::Time now = absl::Now();
-  absl::StrAppendFormat(&text, "time               about %s; begun now, done about %s\n",
-                        Spoken(plan.duration), ClockTime(now + plan.duration, now));
+  absl::StrAppendFormat(
+      &text,
+      "time               about %s if the robot moves at joint_speed; begun now, done about %s\n",
+      Spoken(plan.duration), ClockTime(now + plan.duration, now));
   absl::StrAppendFormat(&text, "room on disk       at most %s", SpokenBytes(plan.bytes));
   if (room.available) absl::StrAppendFormat(&text, "; %s are free", SpokenBytes(*room.available));
   text += "\n";

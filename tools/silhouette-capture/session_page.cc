@@ -178,7 +178,7 @@ nlohmann::ordered_json SessionJson(const SessionFacts& facts,
                                  {"raw_images", facts.raw_images},
                                  {"views", nlohmann::ordered_json::array()},
                                  {"sentinel_checks", facts.repeatability.checks},
-                                 {"alarms", AlarmsOf(facts, absl::RFC3339_full)},
+                                 {"alarms", AlarmsOf(facts, absl::RFC3339_sec)},
                                  {"joint_rms", facts.repeatability.joint},
                                  {"joint_greatest", facts.repeatability.greatest_joint},
                                  {"repair", facts.repair}};

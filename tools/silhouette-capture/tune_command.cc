@@ -84,6 +84,23 @@ absl::StatusOr<std::vector<std::string>> Advice(const TuneOptions& options,
   return lines;
 }
 
+// A sentence for each try that finds more in images of the empty cell than the database's settings.
+std::string Worse(const TuneOptions& options, const TuneResult& result) {
+  const auto share = [](const TuneFigures& sums) {
+    return 100.0 * static_cast<double>(sums.false_pixels) / static_cast<double>(sums.empty_pixels);
+  };
+  std::string text;
+  for (size_t v = result.sums.size() - options.tries.size(); v < result.sums.size(); ++v) {
+    if (result.sums[v].false_pixels <= result.sums[0].false_pixels) continue;
+    absl::StrAppendFormat(
+        &text,
+        "'%s' is worse: it finds something in %.3g %% of the empty cell's pixels, "
+        "the database's settings in %.3g %%\n",
+        result.variants[v].name, share(result.sums[v]), share(result.sums[0]));
+  }
+  return text;
+}
+
 absl::Status WritePage(const CellFile& file, const std::string& folder, const TuneResult& result) {
   for (const TuneEntry& image : result.images) {
     RETURN_IF_ERROR(WriteWholeFile(folder + "/" + image.sheet, image.sheet_png));
@@ -147,6 +164,7 @@ absl::StatusOr<ExitCode> TuneRun(const TuneOptions& options) {
   }
   std::cout << TuneTable(*result) << "page: " << folder << "/tune.html\n";
   if (!options.tries.empty()) {
+    std::cout << Worse(options, *result);
     std::cout << (options.tries.size() == 1
                       ? "to use it, write this line into the cell file, then:\n"
                       : "to use one of them, write its line into the cell "

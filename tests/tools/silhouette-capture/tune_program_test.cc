@@ -52,7 +52,7 @@ TEST(Tune, TellsWhatOtherSettingsWouldFindAndChangesNothing) {
 TEST(Tune, AllThatIsFoundInTheEmptyCellIsFalse) {
   ProgramCell cell;
   cell.CaptureAll();
-  // The cell without anything in it, but for a patch in one view.
+  // The cell without anything in it, but for a patch and a speck in one view.
   std::filesystem::create_directory(cell / "empty");
   const auto database = Database::Open(cell.database(), Database::Access::kRead);
   const auto references = (*database)->Read()->References();
@@ -64,6 +64,7 @@ TEST(Tune, AllThatIsFoundInTheEmptyCellIsFalse) {
     cv::Mat image;
     mean.convertTo(image, CV_8U, 1.0 / 256);
     if (v == 0) image(cv::Rect(40, 40, 16, 12)) = cv::Scalar::all(255);
+    if (v == 0) image(cv::Rect(100, 80, 3, 3)) = cv::Scalar::all(255);
     cv::imwrite(cell / (v == 0 ? "empty/top.png" : "empty/front.png"), image);
   }
   const Outcome outcome = cell.Run(cell.Arguments(
@@ -73,6 +74,11 @@ TEST(Tune, AllThatIsFoundInTheEmptyCellIsFalse) {
   const nlohmann::json json = TuneProgramJson(outcome.out);
   EXPECT_NEAR(json["variants"][0]["false_share"].get<double>(), 16.0 * 12 / (2 * 160 * 120), 1e-3);
   EXPECT_EQ(json["variants"][1]["false_share"], 0);
+
+  const Outcome worse =
+      cell.Run(cell.Arguments("tune", {"--empty", cell / "empty", "--most", "0", "--try",
+                                       "min_blob_pixels: 1", "--out", cell / "tune"}));
+  EXPECT_THAT(worse.out, HasSubstr("'min_blob_pixels: 1' is worse"));
 }
 
 TEST(Tune, WithoutTriesItSweepsAndSaysHowToLookCloser) {
