@@ -25,12 +25,12 @@ std::vector<std::string> NamesOf(const grpc_auth_context* context) {
 }
 
 std::string CallerOf(grpc::CallbackServerContext& context) {
-  std::string address = Printable(context.peer());
+  std::string address = PrintableName(context.peer());
   if (address.starts_with("ip")) address = address.substr(0, address.rfind(':'));
   const std::unique_ptr<grpc_auth_context, decltype(&grpc_auth_context_release)> auth(
       grpc_call_auth_context(context.c_call()), grpc_auth_context_release);
   const std::vector<std::string> names = NamesOf(auth.get());
-  return names.empty() ? address : absl::StrCat("'", Printable(names[0]), "' at ", address);
+  return names.empty() ? address : absl::StrCat("'", PrintableName(names[0]), "' at ", address);
 }
 
 }  // namespace silhouette

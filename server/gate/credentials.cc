@@ -77,7 +77,7 @@ class Gate {
     const std::vector<std::string> names = NamesOf(context);
     absl::Status permitted = roles_.Permit(names, call);
     if (!permitted.ok() && denied_) {
-      denied_(names.empty() ? "" : "'" + Printable(names[0]) + "'",
+      denied_(names.empty() ? "" : "'" + PrintableName(names[0]) + "'",
               AccessOf(call) == Access::kNothing ? "unknown call" : std::string(call));
     }
     return permitted;

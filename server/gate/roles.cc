@@ -5,9 +5,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/log/log_lines.h"
 
 namespace silhouette {
 namespace {
@@ -116,10 +116,10 @@ absl::Status Roles::Permit(std::span<const std::string> names, std::string_view 
   const std::set<Role> roles = Of(names);
   if (!names.empty() && Suffices(roles, access)) return absl::OkStatus();
   const std::string client = names.empty() ? "a client without a name in its certificate"
-                                           : "'" + Printable(names[0]) + "'";
+                                           : "'" + PrintableName(names[0]) + "'";
   if (access == Access::kNothing) {
-    return absl::UnimplementedError(
-        absl::StrCat(client, " may not call '", Printable(call), "': the server has no such call"));
+    return absl::UnimplementedError(absl::StrCat(client, " may not call '", PrintableName(call),
+                                                 "': the server has no such call"));
   }
   const std::string has =
       roles.empty()
@@ -134,9 +134,8 @@ absl::Status Roles::Permit(std::span<const std::string> names, std::string_view 
                    "; name it under 'server: roles' in the cell file"));
 }
 
-std::string Printable(std::string_view text, size_t most) {
-  const bool cut = text.size() > most;
-  return absl::CHexEscape(std::string(text.substr(0, most))) + (cut ? "..." : "");
+std::string PrintableName(std::string_view name) {
+  return Printable(name.substr(0, kMostNameBytes)) + (name.size() > kMostNameBytes ? "..." : "");
 }
 
 }  // namespace silhouette

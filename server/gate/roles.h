@@ -64,8 +64,7 @@ class Roles {
   std::map<std::string, std::set<Role>, std::less<>> names_;
 };
 
-// The text without control characters and bytes above ASCII, which become "\xNN", and cut to
-// `most` bytes of its own: for messages and logs.
-std::string Printable(std::string_view text, size_t most = kMostNameBytes);
+// A name that somebody sent, for messages and logs: Printable(), of at most kMostNameBytes.
+std::string PrintableName(std::string_view name);
 
 }  // namespace silhouette

@@ -15,6 +15,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "common/log/log_lines.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 
@@ -34,7 +35,7 @@ absl::StatusOr<SessionLog> SessionLog::Open(const std::string& file) {
     return absl::FailedPreconditionError(absl::StrCat(
         "the log '", file, "' cannot be written; name another with --log: ", error.what()));
   }
-  log.logger_->set_pattern("%Y-%m-%d %H:%M:%S  %v");
+  log.logger_->set_formatter(LineFormatter("%Y-%m-%d %H:%M:%S  %v"));
   log.logger_->flush_on(spdlog::level::info);
   // The capture itself reports a full disk.
   log.logger_->set_error_handler([](const std::string&) {});
