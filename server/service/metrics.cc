@@ -5,8 +5,10 @@
 #include <prometheus/exposer.h>
 #include <prometheus/metric_family.h>
 
+#include <algorithm>
 #include <exception>
 #include <limits>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -66,7 +68,15 @@ class Families {
   std::vector<MetricFamily> families_;
 };
 
+// A name as a label's value has it: words joined by underscores.
+std::string LabelOf(std::string name) {
+  std::ranges::replace(name, ' ', '_');
+  return name;
+}
+
 void TellScene(const Serving& serving, Families& to) {
+  to.Gauge("silhouette_build_info", "The program's version", 1,
+           {{.name = "version", .value = SILHOUETTE_VERSION}});
   to.Gauge("silhouette_database_generation", "Generation of the database that is served",
            static_cast<double>(serving.scenes.database()->generation()));
   to.Gauge("silhouette_database_damaged",
@@ -117,7 +127,9 @@ void TellClients(const Serving& serving, Families& to) {
 void TellVerdicts(const Serving& serving, Families& to) {
   serving.verdicts.ForEach([&](State state, Reason reason, uint64_t verdicts) {
     Labels labels = {{.name = "verdict", .value = NameOf(state)}};
-    if (reason != Reason::kNone) labels.push_back({.name = "reason", .value = NameOf(reason)});
+    if (reason != Reason::kNone) {
+      labels.push_back({.name = "reason", .value = LabelOf(NameOf(reason))});
+    }
     to.Counter("silhouette_verdicts_total", "Verdicts on configurations and paths", verdicts,
                std::move(labels));
   });

@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A server that takes images itself, and what it tells of that.
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <string>
 #include <thread>
 
 #include "tests/server/live/http_get.h"
@@ -11,6 +15,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::AnyOf;
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -162,6 +167,33 @@ TEST_F(AcquisitionServiceTest, MetricsAreToldToPrometheus) {
     EXPECT_THAT(told, HasSubstr(line));
   }
   EXPECT_THAT(told, HasSubstr("200 OK"));
+  EXPECT_THAT(told, HasSubstr("silhouette_build_info{version=\""));
+  EXPECT_THAT(told, Not(ContainsRegex("reason=\"[^\"]* "))) << "words are joined in labels";
+}
+
+TEST_F(AcquisitionServiceTest, AlertRulesAndDashboardNameMetricsThatExist) {
+  const auto database = NewDatabase();
+  TestServer server(database, Live("127.0.0.1:0"));
+  AllGood();
+  record->NoteMap(Now());
+  server.CheckOne(At(3, 0));
+  absl::StatusOr<Scene> scene =
+      MakeScene(*database, EmptyCellScene(), {}, {}, server.clock.clock()());
+  ASSERT_TRUE(server.server->Publish(*std::move(scene), database).ok());
+  const std::string told = HttpGet(server.server->metrics_address(), "/metrics");
+  const std::regex name("silhouette_[a-z_]+");
+  int named = 0;
+  for (const char* file : {"alerts.yaml", "grafana.json"}) {
+    std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR "/docs/monitoring/") + file);
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    for (std::sregex_iterator match(text.begin(), text.end(), name), end; match != end; ++match) {
+      // No client was refused.
+      if (match->str() == "silhouette_client_refused_total") continue;
+      EXPECT_THAT(told, HasSubstr(match->str())) << file;
+      ++named;
+    }
+  }
+  EXPECT_GT(named, 20);
 }
 
 TEST_F(AcquisitionServiceTest, MetricsAddressThatCannotBeIsToldAtTheStart) {
