@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <condition_variable>
 #include <iostream>
 #include <memory>
@@ -223,27 +224,34 @@ struct StillFigures {
   double least = 0;
   double median = 0;
   double most = 0;
+  int beyond = 0;      // scenes that are more than 2 % from the median
   double changed = 0;  // median
 };
 
 StillFigures FiguresOf(const StillRow& row) {
+  constexpr double kFar = 0.02;
   const auto [least, most] = std::ranges::minmax_element(row.occupied);
+  const double median = Median(row.occupied);
   return {.least = *least,
-          .median = Median(row.occupied),
+          .median = median,
           .most = *most,
+          .beyond = static_cast<int>(std::ranges::count_if(
+              row.occupied,
+              [&](double occupied) { return std::abs(occupied - median) > kFar * median; })),
           .changed = Median(row.changed)};
 }
 
 std::string StillTextOf(const std::vector<StillRow>& rows) {
   std::string text =
-      "| what stands there | robot, rad | occupied: least | median | most | spread | verdicts "
-      "changed, median | unknown scenes |\n|---|---|---|---|---|---|---|---|\n";
+      "| what stands there | robot, rad | occupied: least | median | most | spread | scenes more "
+      "than 2 % from the median | verdicts changed, median | unknown scenes |\n"
+      "|---|---|---|---|---|---|---|---|---|\n";
   for (const StillRow& row : rows) {
     const StillFigures f = FiguresOf(row);
     absl::StrAppendFormat(&text,
-                          "| %s | %s | %.0f | %.0f | %.0f | %.2f %% | %.0f (%.2f %%) | %d |\n",
+                          "| %s | %s | %.0f | %.0f | %.0f | %.2f %% | %d | %.0f (%.2f %%) | %d |\n",
                           row.name, absl::StrJoin(row.robot, ", "), f.least, f.median, f.most,
-                          Percent(f.most - f.least, f.median), f.changed,
+                          Percent(f.most - f.least, f.median), f.beyond, f.changed,
                           Percent(f.changed, f.median), row.unknown_scenes);
   }
   return text;
@@ -261,6 +269,7 @@ nlohmann::ordered_json StillJsonOf(const std::vector<StillRow>& rows) {
                     {"least_occupied", f.least},
                     {"median_occupied", f.median},
                     {"most_occupied", f.most},
+                    {"scenes_beyond_2_percent", f.beyond},
                     {"median_changed", f.changed}});
   }
   return list;
