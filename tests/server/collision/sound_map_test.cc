@@ -50,7 +50,7 @@ TEST(SoundMapTest, OffTheGridACellIsTheUnionOfItsCorners) {
   const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, Without(possible));
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
-  for (int i = 0; i < 300; ++i) {
+  for (int i = 0; i < SampleCount(300); ++i) {
     const Configuration q{angle(random), angle(random)};
     const CellCorners corners = world.table.grid().CornersAround(q);
     for (ConfigurationNumber corner : corners.numbers()) {
@@ -67,7 +67,7 @@ TEST(SoundMapTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
   std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
   int touching = 0;
   int freed = 0;
-  for (int scene = 0; scene < 10; ++scene) {
+  for (int scene = 0; scene < SampleCount(10); ++scene) {
     const ConfigurationNumber present = RandomConfiguration(random);
     const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
     const ObstacleImages images = world.See(obstacles, present);
@@ -86,8 +86,8 @@ TEST(SoundMapTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
       }
     }
   }
-  EXPECT_GT(touching, 100);
-  EXPECT_GT(freed, 100);
+  EXPECT_GT(touching, SampleCount(100));
+  EXPECT_GT(freed, SampleCount(100));
 }
 
 // What the robot does not meet on its straight way is free, and a path asks about all of itself.

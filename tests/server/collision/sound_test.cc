@@ -36,7 +36,7 @@ void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
   Random random;
   const SphereWorld world(std::move(cameras), kSoundRho, kVoxel);
   int64_t touching = 0;
-  for (int scene = 0; scene < scenes; ++scene) {
+  for (int scene = 0; scene < SampleCount(scenes); ++scene) {
     const ConfigurationNumber present = RandomConfiguration(random);
     const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
     const ObstacleImages images = world.See(obstacles, present);
@@ -80,7 +80,7 @@ TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {
   const SphereWorld bare(ThreeCameras(), kSoundRho, kVoxel);
   const SphereWorld carrying(ThreeCameras(), kSoundRho, kVoxel, 0.13);
   int64_t touching = 0;
-  for (int scene = 0; scene < 6; ++scene) {
+  for (int scene = 0; scene < 2 * SampleCount(3); ++scene) {
     const SphereWorld& seen = scene % 2 == 0 ? bare : carrying;
     const SphereWorld& tested = scene % 2 == 0 ? carrying : bare;
     const ConfigurationNumber present = RandomConfiguration(random);
@@ -154,7 +154,7 @@ TEST(SoundTest, FindsWhatTheRobotHidesInAllViewsAndNoOtherPresetDoes) {
 TEST(SoundTest, FindsNothingInAnEmptyCell) {
   const SphereWorld world(ThreeParallelCameras(), 0.1, 0.025);
   std::mt19937_64 random(7);
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < SampleCount(10); ++i) {
     const ConfigurationNumber present = RandomConfiguration(random);
     const ObstacleImages images = world.See({}, present);
     const PossibleSpace possible(world.space, images, world.Body(present));
@@ -214,7 +214,7 @@ TEST(SoundTest, WhatAllViewsButOneSeeIsOccupiedHoweverSmallItIs) {
   const SphereWorld world(std::move(cameras), 0.16, 0.04);
   int scenes = 0;
   int found_by_the_rule = 0;
-  for (int i = 0; i < 5000 && scenes < 12; ++i) {
+  for (int i = 0; i < 5000 && scenes < SampleCount(12); ++i) {
     const ConfigurationNumber present = RandomConfiguration(random);
     const Balls arm = SphereWorld::Arm(present);
     const Balls small = SmallThingBehind(arm, fourth, random);
@@ -243,7 +243,7 @@ TEST(SoundTest, WhatAllViewsButOneSeeIsOccupiedHoweverSmallItIs) {
       if (strict.Check(number).free()) ++found_by_the_rule;
     }
   }
-  EXPECT_EQ(scenes, 12);
+  EXPECT_EQ(scenes, SampleCount(12));
   EXPECT_GT(found_by_the_rule, 0);
 }
 
