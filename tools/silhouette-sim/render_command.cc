@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "absl/strings/str_format.h"
 #include "absl/time/time.h"
 #include "capture/sim/simulated_cell.h"
 #include "capture/sim/yaml_values.h"
@@ -25,7 +26,7 @@ namespace fs = std::filesystem;
 
 struct RenderArguments {
   WorkplaceArguments workplace;
-  std::string configuration;
+  std::vector<std::string> configurations;
   std::vector<std::string> joints;
   bool without_robot = false;
   bool all_boards = false;
@@ -34,15 +35,16 @@ struct RenderArguments {
   std::string out;
 };
 
-// Where every joint of the robot stands: as in the cell's file, as in --configuration, as in
-// --joint; the later wins.
+// Where every joint of the robot stands: as in the cell's file, as in `configuration_text` unless
+// it is empty, as in --joint; the later wins.
 absl::StatusOr<std::map<std::string, double>> JointValues(const RenderArguments& arguments,
+                                                          const std::string& configuration_text,
                                                           const Workplace& workplace) {
   const std::span<const GridJoint> grid = workplace.cell.grid.joints();
   std::map<std::string, double> values;
   for (const FixedJoint& joint : workplace.cell.fixed_joints) values[joint.name] = joint.position;
-  if (!arguments.configuration.empty()) {
-    const std::vector<double> configuration = ParseConfiguration(arguments.configuration);
+  if (!configuration_text.empty()) {
+    const std::vector<double> configuration = ParseConfiguration(configuration_text);
     RETURN_IF_ERROR(workplace.Positions(configuration).status());
     for (size_t j = 0; j < grid.size(); ++j) values[grid[j].name] = configuration[j];
   }
@@ -105,23 +107,32 @@ absl::Status WriteImages(const std::string& folder, const std::vector<std::strin
   return WriteWholeFile((fs::path(folder) / "images.json").string(), index.dump(2) + "\n");
 }
 
+// Where the images of each configuration go: all into --out, or of several into folders in it.
+std::vector<std::string> FoldersOf(const RenderArguments& arguments) {
+  if (arguments.configurations.size() < 2) return {arguments.out};
+  std::vector<std::string> folders;
+  for (size_t i = 0; i < arguments.configurations.size(); ++i) {
+    folders.push_back((fs::path(arguments.out) / absl::StrFormat("%04d", i + 1)).string());
+  }
+  return folders;
+}
+
 absl::Status Render(const RenderArguments& arguments) {
   ASSIGN_OR_RETURN(Workplace workplace, LoadWorkplace(arguments.workplace));
   const Cell& cell = workplace.cell;
   ASSIGN_OR_RETURN(auto settings, SimulationOf(cell));
-  std::map<std::string, double> joints;
-  if (!arguments.without_robot || !arguments.configuration.empty() || !arguments.joints.empty()) {
-    ASSIGN_OR_RETURN(const auto values, JointValues(arguments, workplace));
-    joints = values;
+  const std::vector<std::string> folders = FoldersOf(arguments);
+  std::vector<std::map<std::string, double>> joints(folders.size());
+  for (size_t i = 0; i < folders.size(); ++i) {
+    const bool given = !arguments.configurations.empty();
+    if (arguments.without_robot && !given && arguments.joints.empty()) continue;
+    ASSIGN_OR_RETURN(joints[i],
+                     JointValues(arguments, given ? arguments.configurations[i] : "", workplace));
   }
   ASSIGN_OR_RETURN(const auto views, SimulatedViews(cell));
 
   const auto simulated = std::make_shared<SimulatedCell>(workplace.robot, std::move(settings));
   ASSIGN_OR_RETURN(const auto rig, SimulatedCameraRig::Create(simulated, views));
-  if (!joints.empty()) {
-    ASSIGN_OR_RETURN(const auto positions, PositionsOf(workplace.robot, joints));
-    simulated->SetPositions(positions);
-  }
   simulated->SetRobotPresent(!arguments.without_robot);
   simulated->SetObstacles(std::move(workplace.obstacles));
   simulated->ShowAllBoards(arguments.all_boards);
@@ -129,19 +140,30 @@ absl::Status Render(const RenderArguments& arguments) {
     ASSIGN_OR_RETURN(const auto held, ParseHeldBoard(text));
     simulated->HoldBoard(held.name, held.world_from_board);
   }
-  simulated->SetTime(arguments.workplace.time);
-  simulated->SetFrame(arguments.frame);
-  ASSIGN_OR_RETURN(const auto images, rig->Grab());
-  return WriteImages(arguments.out, rig->views(), images, joints);
+  for (size_t i = 0; i < folders.size(); ++i) {
+    if (!joints[i].empty()) {
+      ASSIGN_OR_RETURN(const auto positions, PositionsOf(workplace.robot, joints[i]));
+      simulated->SetPositions(positions);
+    }
+    simulated->SetTime(arguments.workplace.time);
+    simulated->SetFrame(arguments.frame + i);
+    ASSIGN_OR_RETURN(const auto images, rig->Grab());
+    RETURN_IF_ERROR(WriteImages(folders[i], rig->views(), images, joints[i]));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<ExitCode> RunRender(const RenderArguments& arguments) {
   RETURN_IF_ERROR(Render(arguments));
-  const std::string index = (fs::path(arguments.out) / "images.json").string();
+  const std::vector<std::string> folders = FoldersOf(arguments);
+  const std::string index = (fs::path(folders.front()) / "images.json").string();
   if (arguments.workplace.json()) {
-    std::cout << nlohmann::ordered_json{{"images", index}}.dump(2) << '\n';
+    nlohmann::ordered_json json{{"images", index}};
+    if (folders.size() > 1) json = {{"folders", folders}};
+    std::cout << json.dump(2) << '\n';
   } else {
-    std::cout << "wrote the images and " << index << '\n';
+    std::cout << "wrote the images and " << index
+              << (folders.size() > 1 ? ", likewise to " + folders.back() : "") << '\n';
   }
   return kDone;
 }
@@ -153,8 +175,12 @@ void AddRenderCommand(CLI::App& program, Run& run) {
       "render", "Write what the cameras see: a PNG per view, and images.json that lists them");
   auto arguments = std::make_shared<RenderArguments>();
   AddWorkplaceOptions(*command, arguments->workplace, false);
-  command->add_option("--configuration", arguments->configuration,
-                      "Values of the grid's joints, e.g. 0.5,-30deg");
+  command
+      ->add_option(
+          "--configuration", arguments->configurations,
+          "Values of the grid's joints, e.g. 0.5,-30deg; if given several times, the images "
+          "of each go into a folder of its own, OUT/0001 and so on")
+      ->allow_extra_args(false);
   command
       ->add_option("--joint", arguments->joints,
                    "name=value: where a single joint stands; may be given several times")
@@ -167,7 +193,9 @@ void AddRenderCommand(CLI::App& program, Run& run) {
                    "name=x,y,z,roll,pitch,yaw: hold a board of tags there, e.g. "
                    "wall=1,0,0.5,90deg,0,0; may be given several times")
       ->allow_extra_args(false);
-  command->add_option("--frame", arguments->frame, "Number of the image; the noise depends on it")
+  command
+      ->add_option("--frame", arguments->frame,
+                   "Number of the first image; the noise depends on it")
       ->capture_default_str();
   command->add_option("--out", arguments->out, "The folder to write to")->required();
   command->callback([arguments, &run] { run = [arguments] { return RunRender(*arguments); }; });

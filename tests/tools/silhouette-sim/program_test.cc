@@ -92,6 +92,21 @@ TEST_F(SimProgram, RenderWritesAnImagePerViewAndTheirList) {
   }
 }
 
+TEST_F(SimProgram, RenderOfSeveralConfigurationsIsThatOfEachByItself) {
+  const auto out = [&](const std::string& name) { return " --out " + (folder_ / name).string(); };
+  ASSERT_EQ(
+      RunInCell("render", "--configuration 0,0 --configuration 0.5,-30deg --frame 7" + out("both"))
+          .exit_code,
+      0);
+  ASSERT_EQ(RunInCell("render", "--configuration 0,0 --frame 7" + out("first")).exit_code, 0);
+  ASSERT_EQ(RunInCell("render", "--configuration 0.5,-30deg --frame 8" + out("second")).exit_code,
+            0);
+  for (const std::string view : {"top.png", "left.png"}) {
+    EXPECT_EQ(ReadAll(folder_ / "both/0001" / view), ReadAll(folder_ / "first" / view));
+    EXPECT_EQ(ReadAll(folder_ / "both/0002" / view), ReadAll(folder_ / "second" / view));
+  }
+}
+
 TEST_F(SimProgram, RenderTakesTheRobotOutOfTheCell) {
   ASSERT_EQ(
       RunInCell("render", "--configuration 0,0 --out " + (folder_ / "with").string()).exit_code, 0);
