@@ -17,7 +17,7 @@ using testing::SphereWorld;
 using testing::Vector3d;
 
 TEST(SoundMapTest, TilesAreWhatSingleChecksAre) {
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   std::mt19937_64 random(3);
   const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
@@ -42,7 +42,7 @@ TEST(SoundMapTest, TilesAreWhatSingleChecksAre) {
 }
 
 TEST(SoundMapTest, OffTheGridACellIsTheUnionOfItsCorners) {
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -63,7 +63,7 @@ TEST(SoundMapTest, OffTheGridACellIsTheUnionOfItsCorners) {
 
 TEST(SoundMapTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
   Random random;
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi);
   int touching = 0;
   int freed = 0;
@@ -92,7 +92,7 @@ TEST(SoundMapTest, TheBodyFreesNothingThatTouchesBetweenGridPoints) {
 
 // What the robot does not meet on its straight way is free, and a path asks about all of itself.
 TEST(SoundMapTest, WhatIsNotMetOnTheWayIsFree) {
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -163,7 +163,7 @@ int FreeSteps(const CollisionChecker& test, ConfigurationNumber from) {
 // step.
 TEST(SoundMapTest, TheBodyOpensStepsAwayFromAPerson) {
   Random random;
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   std::uniform_real_distribution<double> place(-0.7, 0.7);
   int scenes = 0;
   int steps = 0;
@@ -192,7 +192,7 @@ TEST(SoundMapTest, TheBodyOpensStepsAwayFromAPerson) {
 }
 
 TEST(SoundMapTest, AnAllowedRegionTakesAwayWhatLiesInItInAllViews) {
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls part{{Vector3d(-0.3, -0.3, 0.05), 0.08}};
   const ObstacleImages images = world.See(part, present);

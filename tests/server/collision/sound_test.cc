@@ -32,9 +32,8 @@ void ExpectHolds(const PossibleSpace& possible, const Balls& obstacles, std::mt1
   }
 }
 
-void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
+void NeverMisses(const SphereWorld& world, int scenes) {
   Random random;
-  const SphereWorld world(std::move(cameras), kSoundRho, kVoxel);
   int64_t touching = 0;
   for (int scene = 0; scene < SampleCount(scenes); ++scene) {
     const ConfigurationNumber present = RandomConfiguration(random);
@@ -67,17 +66,19 @@ void NeverMisses(std::vector<BallCamera> cameras, int scenes) {
   EXPECT_GT(touching, 0);
 }
 
-TEST(SoundTest, NeverMissesWithPerspectiveCameras) { NeverMisses(ThreeCameras(), 12); }
+TEST(SoundTest, NeverMissesWithPerspectiveCameras) { NeverMisses(PerspectiveWorld(), 12); }
 
-TEST(SoundTest, NeverMissesWithParallelCameras) { NeverMisses(ThreeParallelCameras(), 20); }
+TEST(SoundTest, NeverMissesWithParallelCameras) { NeverMisses(ParallelWorld(), 20); }
 
-TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) { NeverMisses(CamerasThatDoNotSeeAll(), 12); }
+TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) {
+  NeverMisses(SphereWorld(CamerasThatDoNotSeeAll(), kSoundRho, kVoxel), 12);
+}
 
 // The scene is of one variant, the check of another: of an arm that carries something,
 // or does not. What it carries is not in the model.
 TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {
   Random random;
-  const SphereWorld bare(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& bare = PerspectiveWorld();
   const SphereWorld carrying(ThreeCameras(), kSoundRho, kVoxel, 0.13);
   int64_t touching = 0;
   for (int scene = 0; scene < 2 * SampleCount(3); ++scene) {
@@ -164,7 +165,7 @@ TEST(SoundTest, FindsNothingInAnEmptyCell) {
 }
 
 TEST(SoundTest, KnowingNothingOfTheBodyOnlyBlocksMore) {
-  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = ParallelWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[57];
   const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -177,7 +178,7 @@ TEST(SoundTest, KnowingNothingOfTheBodyOnlyBlocksMore) {
 }
 
 TEST(SoundTest, KeepsWhatAllViewsSeeHoweverSmallItIs) {
-  const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls finger{{Vector3d(-0.3, -0.3, 0.05), 0.01}};
   const ObstacleImages images = world.See(finger, present);
@@ -266,7 +267,7 @@ TEST(SoundTest, AFreeConfigurationHidesNothing) {
 // Beside the base, in its silhouette, there is always room for something: its pixels are met at any
 // configuration. What the body can reach decides.
 TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
-  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = ParallelWorld();
   const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
   const Balls obstacles{{Vector3d(-0.02, -0.15, 0), 0.07}};
   const ObstacleImages images = world.See(obstacles, present);
@@ -284,7 +285,7 @@ TEST(SoundTest, WhatTheRobotAlwaysCoversDoesNotBlockAllIfItsBodyIsKnown) {
 }
 
 TEST(SoundTest, AMissingViewIsNeverFree) {
-  const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
+  const SphereWorld& world = ParallelWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[11];
   const Balls obstacles{{Vector3d(0.4, -0.4, 0.1), 0.1}};
   for (size_t missing = 0; missing < 3; ++missing) {

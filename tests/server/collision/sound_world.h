@@ -31,6 +31,16 @@ inline std::vector<BallCamera> CamerasThatDoNotSeeAll() {
           BallCamera(LookingAt({-0.3, -0.2, 2.6}, {0, 0, 0}, {44, 44}, 0.75))};
 }
 
+// Made once: nearly all the time of a test goes into its world.
+inline const SphereWorld& PerspectiveWorld() {
+  static const SphereWorld world(ThreeCameras(), kSoundRho, kVoxel);
+  return world;
+}
+inline const SphereWorld& ParallelWorld() {
+  static const SphereWorld world(ThreeParallelCameras(), kSoundRho, kVoxel);
+  return world;
+}
+
 inline ConfigurationNumber RandomConfiguration(std::mt19937_64& random) {
   const std::vector<ConfigurationNumber> all = SphereWorld::Configurations();
   return all[std::uniform_int_distribution<size_t>(0, all.size() - 1)(random)];
