@@ -193,6 +193,8 @@ struct Page::Http {
     file("/", templates::page_html, "text/html; charset=utf-8");
     file("/page.css", templates::page_css, "text/css; charset=utf-8");
     file("/page.js", templates::page_js, "text/javascript; charset=utf-8");
+    server.Get("/favicon.ico",
+               [](const httplib::Request&, httplib::Response& response) { response.status = 204; });
     server.Get("/events", [this](const httplib::Request& request, httplib::Response& response) {
       Stream(request, response);
     });

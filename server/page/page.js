@@ -181,7 +181,7 @@ async function drawViews(shown, known) {
       words.push(`obstacle ${seen.obstacle_pixels}`, `unknown ${seen.unknown_pixels}`, `error ${seen.error_pixels}`);
       for (const path of known ? paths : []) {
         if (path.state !== "occupied" || !path.why) continue;
-        outline(context, path.why[view.name].robot, [["#fff", 3], [rgb(COLOURS.robot), 1.5, [5, 4]]]);
+        outline(context, path.why[view.name].robot, [["#fff", 2.5], [rgb(COLOURS.robot), 1.5, [5, 4]]]);
         outline(context, path.why[view.name].convicts, [["#fff", 5], ["#000", 2.5]]);
       }
     }
@@ -246,8 +246,10 @@ function drawMap(shown, known) {
     if (!known || path.state !== "occupied" || q.length !== joints.length) continue;
     cross(context, px(q[space.x]), py(q[space.y]));
   }
-  if (present) ring(context, px(present.configuration[space.x]), py(present.configuration[space.y]));
   context.restore();
+  if (present) {
+    ring(context, MARGIN.left + px(present.configuration[space.x]), MARGIN.top + py(present.configuration[space.y]));
+  }
   text($("map-missing"), known ? space.missing : judge().status);
   const where = present ? present.configuration.map((v, j) => `${joints[j].name} ${value(v)}`).join(", ") : "";
   const state = known && present ? present.state : "unknown";

@@ -5,7 +5,6 @@
 #include <google/protobuf/message.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
-#include <httplib.h>
 
 #include <atomic>
 #include <chrono>
@@ -16,6 +15,7 @@
 #include <thread>
 
 #include "server/page/page.h"
+#include "tests/server/page/http.h"
 #include "tests/server/service/test_server.h"
 
 namespace silhouette {

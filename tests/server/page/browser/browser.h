@@ -3,7 +3,6 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <httplib.h>
 
 #include <chrono>
 #include <memory>
@@ -13,6 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "tests/running_program.h"
+#include "tests/server/page/http.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
