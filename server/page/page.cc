@@ -44,7 +44,7 @@ constexpr size_t kMostStops = 100;
 // When what is served changes, and when and why nothing was known. Any threads.
 class Changes final : public Watcher {
  public:
-  explicit Changes(Serving& serving) : serving_(serving) {}
+  explicit Changes(Serving& serving) : serving_(serving) { NoteStop(); }
 
   void Tell(uint64_t version) override {
     {
@@ -99,7 +99,7 @@ class Changes final : public Watcher {
     std::string message;
   };
 
-  // With the mutex held.
+  // With the mutex held, or nobody else about.
   void NoteStop() {
     const Moment now = serving_.settings.clock();
     const Served served = serving_.scenes.Newest(now);
@@ -174,7 +174,7 @@ struct Page::Http {
     });
     server.set_tcp_nodelay(true);
     server.set_payload_max_length(1024);
-    server.set_keep_alive_timeout(2);
+    server.set_keep_alive_max_count(1);
     server.set_default_headers(SecurityHeaders());
     server.set_pre_routing_handler(
         [](const httplib::Request& request, httplib::Response& response) {

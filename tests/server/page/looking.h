@@ -38,6 +38,8 @@ inline nlohmann::json JsonText(const google::protobuf::Message& message) {
 // Looks at a page until it is told not to, or `enough` returns true of an event.
 class Looker {
  public:
+  // Then it gives up.
+  static constexpr int kMostEvents = 100;
   using Enough = std::function<bool(const nlohmann::json&)>;
 
   Looker(const Page& page, const std::string& query, Enough enough)
@@ -56,7 +58,7 @@ class Looker {
                   event = nlohmann::json::parse(text.substr(6, end - 6));
                   ++events;
                   text.erase(0, end + 2);
-                  if (enough(event)) return false;
+                  if (enough(event) || events >= kMostEvents) return false;
                 }
                 return !stop_;
               });

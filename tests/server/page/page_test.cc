@@ -69,7 +69,9 @@ TEST_F(PageTest, WithoutASceneAllIsUnknown) {
 
 TEST_F(PageTest, AnOldSceneIsUnknownAndTheStopIsNoted) {
   test.Publish(SceneWithBlock(2));
-  EXPECT_EQ(SeenOn(*page)["present"]["state"], "free");
+  Looker before(*page, "", [](const json& event) { return event["stops"][0]["reason"] == ""; });
+  before.Wait();
+  EXPECT_EQ(before.event["now"]["present"]["state"], "free");
   test.clock.Advance(absl::Seconds(2));
   Looker looker(*page, "", [](const json& event) { return event["stops"].size() >= 3; });
   looker.Wait();
