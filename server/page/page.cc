@@ -123,7 +123,7 @@ class Changes final : public Watcher {
 // At most so many connections: further ones wait in the system's queue.
 class BoundedThreads final : public httplib::TaskQueue {
  public:
-  BoundedThreads() : threads_(Page::kMostConnections) {}
+  BoundedThreads() : threads_(CellPage::kMostConnections) {}
   void enqueue(std::function<void()> task) override {
     places_.acquire();
     threads_.enqueue([this, task = std::move(task)] {
@@ -134,7 +134,7 @@ class BoundedThreads final : public httplib::TaskQueue {
   void shutdown() override { threads_.shutdown(); }
 
  private:
-  std::counting_semaphore<> places_{Page::kMostConnections};
+  std::counting_semaphore<> places_{CellPage::kMostConnections};
   httplib::ThreadPool threads_;
 };
 
@@ -165,7 +165,7 @@ httplib::Headers SecurityHeaders() {
 
 }  // namespace
 
-struct Page::Http {
+struct CellPage::Http {
   explicit Http(Serving& the_serving)
       : serving(the_serving), changes(std::make_shared<Changes>(serving)) {
     server.new_task_queue = [] { return new BoundedThreads(); };
@@ -259,15 +259,15 @@ struct Page::Http {
   std::thread thread;
 };
 
-Page::Page(std::unique_ptr<Http> http, std::string address)
+CellPage::CellPage(std::unique_ptr<Http> http, std::string address)
     : http_(std::move(http)), address_(std::move(address)) {}
 
-Page::~Page() = default;
+CellPage::~CellPage() = default;
 
-uint64_t Page::snapshots() const { return http_->snapshots; }
+uint64_t CellPage::snapshots() const { return http_->snapshots; }
 
-absl::StatusOr<std::unique_ptr<Page>> Page::Start(const std::string& address, bool insecure,
-                                                  Serving& serving) {
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
+                                                          Serving& serving) {
   if (address.starts_with("unix:")) {
     return absl::InvalidArgumentError(
         absl::StrCat("page address '", address, "': browsers ask over TCP; say 127.0.0.1:8080"));
@@ -295,8 +295,8 @@ absl::StatusOr<std::unique_ptr<Page>> Page::Start(const std::string& address, bo
     return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
   if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
   http->Listen();
-  return std::unique_ptr<Page>(
-      new Page(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
+  return std::unique_ptr<CellPage>(
+      new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
 }
 
 }  // namespace silhouette

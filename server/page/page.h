@@ -14,7 +14,7 @@ namespace silhouette {
 // Has threads of its own, which give way to all others. Requests must name a numeric address or
 // localhost as their host, so that no foreign site can be rebound to it. As long as nobody looks it
 // makes nothing.
-class Page {
+class CellPage {
  public:
   // At most so many see the page at a time, each at most every 0.1 s.
   static constexpr int kMostStreams = 4;
@@ -24,9 +24,9 @@ class Page {
   // Answers at http://ADDRESS/ until it is gone. `address`: "host:port"; errors are those of
   // CheckListenAddress, and FailedPrecondition, if other machines reach it and `insecure` is not
   // set. `serving` must outlive it, and Server::Stop must not come before its end.
-  static absl::StatusOr<std::unique_ptr<Page>> Start(const std::string& address, bool insecure,
-                                                     Serving& serving);
-  ~Page();
+  static absl::StatusOr<std::unique_ptr<CellPage>> Start(const std::string& address, bool insecure,
+                                                         Serving& serving);
+  ~CellPage();
 
   // The address that is listened on, with the port that was chosen.
   const std::string& address() const { return address_; }
@@ -36,7 +36,7 @@ class Page {
 
  private:
   struct Http;
-  Page(std::unique_ptr<Http> http, std::string address);
+  CellPage(std::unique_ptr<Http> http, std::string address);
 
   std::unique_ptr<Http> http_;
   std::string address_;

@@ -227,9 +227,9 @@ absl::Status Serve(const Options& options) {
     calibration_watch.emplace(check, SystemClock,
                               [&server](auto trust) { server->SetTrust(std::move(trust)); });
   }
-  std::unique_ptr<Page> page;
+  std::unique_ptr<CellPage> page;
   if (!options.page.empty()) {
-    ASSIGN_OR_RETURN(page, Page::Start(options.page, options.insecure, server->serving()));
+    ASSIGN_OR_RETURN(page, CellPage::Start(options.page, options.insecure, server->serving()));
   }
   std::unique_ptr<LiveLoop> live;
   if (options.live) {

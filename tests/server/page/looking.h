@@ -20,8 +20,8 @@
 
 namespace silhouette {
 
-inline std::unique_ptr<Page> StartPage(TestServer& test) {
-  auto page = Page::Start("127.0.0.1:0", /*insecure=*/false, test.server->serving());
+inline std::unique_ptr<CellPage> StartPage(TestServer& test) {
+  auto page = CellPage::Start("127.0.0.1:0", /*insecure=*/false, test.server->serving());
   EXPECT_TRUE(page.ok()) << page.status();
   return *std::move(page);
 }
@@ -42,7 +42,7 @@ class Looker {
   static constexpr int kMostEvents = 100;
   using Enough = std::function<bool(const nlohmann::json&)>;
 
-  Looker(const Page& page, const std::string& query, Enough enough)
+  Looker(const CellPage& page, const std::string& query, Enough enough)
       : thread_([this, address = page.address(), query, enough = std::move(enough)] {
           httplib::Client client("http://" + address);
           std::string text;
@@ -82,7 +82,7 @@ class Looker {
 
 // The first snapshot that is enough.
 inline nlohmann::json SeenOn(
-    const Page& page, const std::string& query = "",
+    const CellPage& page, const std::string& query = "",
     const Looker::Enough& enough = [](const nlohmann::json&) { return true; }) {
   Looker looker(page, query, [&](const nlohmann::json& event) { return enough(event["now"]); });
   looker.Wait();

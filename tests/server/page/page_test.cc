@@ -21,7 +21,7 @@ class PageTest : public testing::Test {
   PageTest() : test(NewDatabase({.index = true})), page(StartPage(test)) {}
 
   TestServer test;
-  std::unique_ptr<Page> page;
+  std::unique_ptr<CellPage> page;
 };
 
 TEST_F(PageTest, ShowsTheSceneAsTheApiReturnsIt) {
@@ -142,7 +142,7 @@ TEST_F(PageTest, MakesAtMostTenSnapshotsASecond) {
 TEST_F(PageTest, StreamsAreBounded) {
   const auto never = [](const json&) { return false; };
   std::vector<std::unique_ptr<Looker>> lookers;
-  for (int i = 0; i < Page::kMostStreams; ++i) {
+  for (int i = 0; i < CellPage::kMostStreams; ++i) {
     lookers.push_back(std::make_unique<Looker>(*page, "", never));
     ASSERT_TRUE(Soon([&] { return lookers.back()->events > 0; }));
   }
@@ -198,13 +198,13 @@ TEST_F(PageTest, OnlyItsOwnFilesRunInTheBrowser) {
 
 TEST_F(PageTest, IsNotShownToOtherMachinesUnasked) {
   Serving& serving = test.server->serving();
-  const auto refused = Page::Start("0.0.0.0:0", /*insecure=*/false, serving).status();
+  const auto refused = CellPage::Start("0.0.0.0:0", /*insecure=*/false, serving).status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(refused.message()), testing::HasSubstr("--insecure"));
-  EXPECT_TRUE(Page::Start("0.0.0.0:0", /*insecure=*/true, serving).ok());
-  EXPECT_EQ(Page::Start("unix:/tmp/page", false, serving).status().code(),
+  EXPECT_TRUE(CellPage::Start("0.0.0.0:0", /*insecure=*/true, serving).ok());
+  EXPECT_EQ(CellPage::Start("unix:/tmp/page", false, serving).status().code(),
             absl::StatusCode::kInvalidArgument);
-  EXPECT_EQ(Page::Start(page->address(), false, serving).status().code(),
+  EXPECT_EQ(CellPage::Start(page->address(), false, serving).status().code(),
             absl::StatusCode::kFailedPrecondition);
 }
 

@@ -86,7 +86,7 @@ class BrowserTest : public testing::Test {
 
   static Browser* browser;
   TestServer test;
-  std::unique_ptr<Page> page;
+  std::unique_ptr<CellPage> page;
 };
 
 Browser* BrowserTest::browser = nullptr;
