@@ -73,11 +73,11 @@ function(silhouette_note_links folder)
   set_property(GLOBAL APPEND PROPERTY SILHOUETTE_LINKS "${folder}: ${links}")
 endfunction()
 
-# Makes the templates of pages in this folder (*.html, *.css) constants of the header
+# Makes the templates of pages in this folder (*.html, *.css, *.js) constants of the header
 # <folder>/templates.h: page.html is silhouette::templates::page_html.
 function(silhouette_embed_templates target)
   silhouette_folder()
-  file(GLOB files CONFIGURE_DEPENDS *.html *.css)
+  file(GLOB files CONFIGURE_DEPENDS *.html *.css *.js)
   if(NOT files)
     return()
   endif()

@@ -36,6 +36,9 @@ struct TlsTexts {
 // names the file.
 absl::StatusOr<TlsTexts> ReadTls(const TlsFiles& files);
 
+// Whether all addresses of "host:port" are of the loopback interface. False if there is none.
+bool StaysOnThisMachine(const std::string& address);
+
 // Whether a server may listen on `address` ("host:port" or "unix:path") with these settings.
 // FailedPrecondition: it would speak plain text beyond this machine without settings.insecure.
 // InvalidArgument: settings that do not go together.

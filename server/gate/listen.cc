@@ -30,7 +30,8 @@ bool IsLoopback(const sockaddr& address) {
   return IN6_IS_ADDR_LOOPBACK(&ip) != 0;
 }
 
-// Whether all addresses of "host:port" are of the loopback interface. False if there is none.
+}  // namespace
+
 bool StaysOnThisMachine(const std::string& address) {
   std::string host = address.substr(0, address.rfind(':'));
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
@@ -44,8 +45,6 @@ bool StaysOnThisMachine(const std::string& address) {
   }
   return found != nullptr;
 }
-
-}  // namespace
 
 absl::Status CheckGate(const std::string& address, const GateSettings& settings) {
   const bool unix_socket = address.starts_with(kUnix);

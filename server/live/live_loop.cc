@@ -172,7 +172,7 @@ absl::Status LiveLoop::TakeSet() {
     return absl::FailedPreconditionError("the database has no reference images any more");
   }
   SceneInput input;
-  const auto images = UsableImages(std::move(grabbed), asked, arrived, *database, input);
+  auto images = UsableImages(std::move(grabbed), asked, arrived, *database, input);
   const bool none =
       std::ranges::none_of(images, [](const auto& image) { return image.has_value(); });
   const bool news = judge_.TakeNews();
@@ -186,8 +186,18 @@ absl::Status LiveLoop::TakeSet() {
     return absl::OkStatus();
   }
   // What is wrong from here on is no fault of the cameras.
-  const absl::Status published = Publish(database, images, arrived, std::move(input));
-  if (!published.ok()) record_->NoteLostSet(published);
+  const absl::StatusOr<SharedScene> published =
+      Publish(database, images, arrived, std::move(input));
+  if (!published.ok()) {
+    record_->NoteLostSet(published.status());
+    return status;
+  }
+  LiveImages of_scene{.scene = (*published)->id, .images = {}};
+  for (std::optional<LiveImage>& image : images) {
+    std::optional<CameraImage>& added = of_scene.images.emplace_back();
+    if (image) added = std::move(image->image);
+  }
+  record_->NoteImages(std::move(of_scene));
   return status;
 }
 
@@ -238,9 +248,9 @@ std::vector<bool> LiveLoop::MovedWithTheRobot(const ServedDatabase& database,
   return live;
 }
 
-absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& database,
-                               const std::vector<std::optional<LiveImage>>& images,
-                               const Moment& arrived, SceneInput input) {
+absl::StatusOr<SharedScene> LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& database,
+                                              const std::vector<std::optional<LiveImage>>& images,
+                                              const Moment& arrived, SceneInput input) {
   if (light_of_ != database) {
     light_of_ = database;
     lights_.assign(images.size(), {});
@@ -293,9 +303,9 @@ absl::Status LiveLoop::Publish(const std::shared_ptr<const ServedDatabase>& data
   }
   ASSIGN_OR_RETURN(Scene scene,
                    MakeScene(*database, input, config_.scene, config_.segmentation, arrived));
-  RETURN_IF_ERROR(scenes_.publish(std::move(scene), database).status());
+  ASSIGN_OR_RETURN(SharedScene published, scenes_.publish(std::move(scene), database));
   record_->NoteScene(arrived);
-  return absl::OkStatus();
+  return published;
 }
 
 }  // namespace silhouette

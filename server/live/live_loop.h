@@ -87,9 +87,9 @@ class LiveLoop {
       std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& asked, const Moment& arrived,
       const ServedDatabase& database, SceneInput& input);
   // `database` has reference images.
-  absl::Status Publish(const std::shared_ptr<const ServedDatabase>& database,
-                       const std::vector<std::optional<LiveImage>>& images, const Moment& arrived,
-                       SceneInput input);
+  absl::StatusOr<SharedScene> Publish(const std::shared_ptr<const ServedDatabase>& database,
+                                      const std::vector<std::optional<LiveImage>>& images,
+                                      const Moment& arrived, SceneInput input);
   // Records that a view's image cannot be used.
   void NoteUnusable(size_t view, const absl::Status& why, SceneInput& input);
   // The views of which the robot's motion does not show that they are frozen; `input` has the

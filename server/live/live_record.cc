@@ -179,6 +179,22 @@ void LiveRecord::NoteLostSet(const absl::Status& error) {
   Say(set_log_, "acquisition", error, clock_());
 }
 
+void LiveRecord::KeepImages() {
+  const std::lock_guard lock(mutex_);
+  keeps_images_ = true;
+}
+
+void LiveRecord::NoteImages(LiveImages images) {
+  auto kept = std::make_shared<const LiveImages>(std::move(images));
+  const std::lock_guard lock(mutex_);
+  if (keeps_images_) images_.swap(kept);
+}
+
+std::shared_ptr<const LiveImages> LiveRecord::images() const {
+  const std::lock_guard lock(mutex_);
+  return images_;
+}
+
 void LiveRecord::NoteMap(const Moment& arrived) {
   const std::lock_guard lock(mutex_);
   to_map_.Add(clock_().running - arrived.running);

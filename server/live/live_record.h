@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -12,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
+#include "capture/devices/devices.h"
 #include "server/live/fault_log.h"
 #include "server/live/known_variant.h"
 #include "server/scene/clock.h"
@@ -86,6 +88,12 @@ struct LiveStatus {
   LatencyFigures to_map;
 };
 
+// The camera images that a scene was made of.
+struct LiveImages {
+  uint64_t scene = 0;                              // its id
+  std::vector<std::optional<CameraImage>> images;  // by view; nothing where there was none
+};
+
 // One line for the log.
 std::string Spoken(const LiveStatus& status);
 
@@ -113,6 +121,13 @@ class LiveRecord {
   void NoteMasks(const Moment& arrived);
   void NoteScene(const Moment& arrived);
   void NoteLostSet(const absl::Status& error);
+  // From now on the images of the newest scene are kept, for people who look at them.
+  void KeepImages();
+  // Those of the newest scene; kept only after KeepImages().
+  void NoteImages(LiveImages images);
+  // Null: none are kept.
+  std::shared_ptr<const LiveImages> images() const;
+
   // The map of the scene that arrived at `arrived` is worked out now.
   void NoteMap(const Moment& arrived);
 
@@ -157,6 +172,8 @@ class LiveRecord {
   LatencyRecord to_masks_;
   LatencyRecord to_scene_;
   LatencyRecord to_map_;
+  bool keeps_images_ = false;
+  std::shared_ptr<const LiveImages> images_;
 };
 
 }  // namespace silhouette

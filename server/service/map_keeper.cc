@@ -63,10 +63,8 @@ void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Served& served = *found;
   const Policy policy = DefaultPolicy(settings_, *served.database);
   // Without an index, a map of drawn images is all drawing: it is worked out for those who ask.
-  const bool drawing = served.database->robot_images().drawn() != nullptr &&
-                       served.database->index() == nullptr &&
-                       served.database->node_index(DrawnKind::kReach) == nullptr;
-  if (drawing || BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
+  if (DrawsMaps(*served.database) ||
+      BlockedReason(served, policy, settings_.scene, now) != Reason::kNone ||
       !served.database->CanServe(policy).ok()) {
     return;
   }

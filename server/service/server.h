@@ -46,6 +46,9 @@ class Server {
   // What is served now.
   std::shared_ptr<const ServedDatabase> database() const { return serving_.scenes.database(); }
 
+  // For what shows people the state that is served (server/page), until Stop().
+  Serving& serving() { return serving_; }
+
   // Publishes a scene made in this process, as PublishScene does. Errors: those of
   // SceneStore::Publish. Thread-safe, until Stop().
   absl::StatusOr<SharedScene> Publish(Scene scene,

@@ -58,6 +58,11 @@ WorkerPoolSettings Serving::PoolOf(const std::string& name, int nice) const {
           .nice = nice};
 }
 
+bool DrawsMaps(const ServedDatabase& database) {
+  return database.robot_images().drawn() != nullptr && database.index() == nullptr &&
+         database.node_index(DrawnKind::kReach) == nullptr;
+}
+
 Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database) {
   Policy policy = settings.policy;
   if (settings.choose_preset) policy.preset = database.BestPreset();

@@ -24,6 +24,7 @@
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
 #include "server/service/watch_hub.h"
+#include "server/service/watched_paths.h"
 #include "server/service/worker_pool.h"
 
 namespace silhouette {
@@ -115,6 +116,7 @@ struct Serving {
   ScenePublisher publisher;
   SpaceCache spaces;
   ClearanceCache clearances;
+  WatchedPaths watched_paths;
   WatchHub watches;
   std::shared_ptr<MapKeeper> map_keeper;
   IndexCheck index_check;

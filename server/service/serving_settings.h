@@ -55,6 +55,9 @@ struct ServingSettings {
   ClientLimits limits;
 };
 
+// Whether each map of the database is drawn, and not looked up in an index.
+bool DrawsMaps(const ServedDatabase& database);
+
 // The policy where a request names none, for requests that rest on `database`.
 Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database);
 

@@ -24,12 +24,14 @@ absl::StatusOr<bool> PathWatch::Prepare() {
   v1::WatchPathResponse update;
   absl::Duration valid_for;
   RETURN_IF_ERROR(Answer(
-      serving(), request_, [this] { return cancelled(); }, update.mutable_check(), &valid_for));
+      serving(), path_->request, [this] { return cancelled(); }, update.mutable_check(),
+      &valid_for));
   ToMessage(valid_for, update.mutable_valid_for());
   const uint64_t scene = update.check().basis().scene_id();
   update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
   told_of_ = state;
   last_scene_ = std::max(last_scene_, scene);
+  path_->Note(update, serving().settings.clock().running);
   update_ = std::move(update);
   return true;
 }
@@ -40,12 +42,6 @@ bool PathWatch::NextPart(v1::WatchPathResponse& part) {
 }
 
 namespace {
-
-// Whether each map of the database is drawn, and not looked up in an index.
-bool DrawsMaps(const ServedDatabase& database) {
-  return database.robot_images().drawn() != nullptr && database.index() == nullptr &&
-         database.node_index(DrawnKind::kReach) == nullptr;
-}
 
 absl::Status CheckWatched(const ServedDatabase& database, size_t tiles) {
   if (!DrawsMaps(database) || tiles <= kMaxDrawnTiles) return absl::OkStatus();

@@ -177,13 +177,16 @@ class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
  public:
   PathWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
             const v1::CheckPathRequest& request)
-      : WatchWriter(serving, context, std::move(place)), request_(request) {}
+      : WatchWriter(serving, context, std::move(place)),
+        path_(std::make_shared<WatchedPath>(ClientOf(*context), request)) {
+    serving.watched_paths.Add(path_);
+  }
 
  private:
   absl::StatusOr<bool> Prepare() override;
   bool NextPart(v1::WatchPathResponse& part) override;
 
-  const v1::CheckPathRequest request_;
+  const std::shared_ptr<WatchedPath> path_;
   WatchedState told_of_;
   uint64_t last_scene_ = 0;
   v1::WatchPathResponse update_;

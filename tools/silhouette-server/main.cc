@@ -34,6 +34,7 @@
 #include "server/live/calibration_watch.h"
 #include "server/live/live_loop.h"
 #include "server/live/live_record.h"
+#include "server/page/page.h"
 #include "server/scene/served_database.h"
 #include "server/service/listener.h"
 #include "server/service/server.h"
@@ -56,6 +57,7 @@ struct Options {
   std::optional<uint64_t> robot_image_memory;  // nothing: as in the cell file
   std::string calibration_check;               // empty: as in the cell file
   std::string metrics;                         // empty: as in the cell file
+  std::string page;                            // empty: none
   bool live = false;
   bool insecure = false;
   bool unverified = false;
@@ -225,6 +227,10 @@ absl::Status Serve(const Options& options) {
     calibration_watch.emplace(check, SystemClock,
                               [&server](auto trust) { server->SetTrust(std::move(trust)); });
   }
+  std::unique_ptr<CellPage> page;
+  if (!options.page.empty()) {
+    ASSIGN_OR_RETURN(page, CellPage::Start(options.page, options.insecure, server->serving()));
+  }
   std::unique_ptr<LiveLoop> live;
   if (options.live) {
     ASSIGN_OR_RETURN(live, StartLive(cell, options.obstacles, live_record, *server));
@@ -234,6 +240,7 @@ absl::Status Serve(const Options& options) {
   if (!server->metrics_address().empty()) {
     spdlog::info("metrics at http://{}/metrics", server->metrics_address());
   }
+  if (page != nullptr) spdlog::info("page at http://{}/", page->address());
 
   sd_notify(0, "READY=1");
   {
@@ -242,6 +249,7 @@ absl::Status Serve(const Options& options) {
   }
   sd_notify(0, "STOPPING=1");
   live.reset();
+  page.reset();
   calibration_watch.reset();
   spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
   // A second signal ends the program at once.
@@ -291,6 +299,10 @@ int Main(int argc, char** argv) {
       "--metrics", options.metrics,
       "host:port where metrics are served to Prometheus, at /metrics; default: as in the "
       "cell file, else nowhere");
+  app.add_option(
+      "--page", options.page,
+      "host:port of a page that shows the cell in a browser: views, configuration space,\n"
+      "watched paths; default: none. Of this machine alone, or --insecure be given");
   app.add_option("--simulated-obstacles", options.obstacles,
                  "With --live and a simulated cell: the file of its obstacles")
       ->needs("--live");
@@ -304,7 +316,7 @@ int Main(int argc, char** argv) {
       "scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
-      "  silhouette-server --cell cell.yaml --live --metrics 127.0.0.1:9464");
+      "  silhouette-server --cell cell.yaml --live --page 127.0.0.1:8080");
   const Work serve = [&options]() -> absl::StatusOr<ExitCode> {
     RETURN_IF_ERROR(Serve(options));
     return kDone;

@@ -57,7 +57,8 @@ const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
                                                        {"prometheus/", "prometheus"},
                                                        {"spdlog/", "spdlog"},
                                                        {"ompl/", "ompl"},
-                                                       {"CLI/", "CLI11"}};
+                                                       {"CLI/", "CLI11"},
+                                                       {"httplib.h", "httplib"}};
 
 struct Folder {
   Names folders;    // linked, of this project

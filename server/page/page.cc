@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/page/page.h"
+
+#include <arpa/inet.h>
+#include <httplib.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <semaphore>
+#include <string_view>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
+#include "server/gate/credentials.h"
+#include "server/page/snapshot.h"
+#include "server/page/templates.h"
+#include "server/service/defects.h"
+#include "server/service/listener.h"
+
+namespace silhouette {
+namespace {
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kLeastInterval{100};
+// Without a change: ages and devices change all the same.
+constexpr milliseconds kLongestInterval{500};
+// After a change, the map is left to those who work it out anyway for as long as map_time and this.
+constexpr milliseconds kAfterMapTime{5};
+constexpr int kNice = 10;
+constexpr size_t kMostStops = 100;
+
+// When what is served changes, and when and why nothing was known. Any threads.
+class Changes final : public Watcher {
+ public:
+  explicit Changes(Serving& serving) : serving_(serving) { NoteStop(); }
+
+  void Tell(uint64_t version) override {
+    {
+      const std::lock_guard lock(mutex_);
+      if (version == version_) return;
+      version_ = version;
+      NoteStop();
+    }
+    changed_.notify_all();
+  }
+  void End() override {
+    {
+      const std::lock_guard lock(mutex_);
+      ended_ = true;
+    }
+    changed_.notify_all();
+  }
+
+  struct News {
+    uint64_t version = 0;
+    SteadyTime at;
+  };
+  // Waits for a version other than that of `last`, at most kLongestInterval and at least
+  // kLeastInterval after it, then until `settle` after a change. Nothing: it has ended.
+  std::optional<News> Wait(const News& last, milliseconds settle) {
+    std::unique_lock lock(mutex_);
+    const auto ended = [&] { return ended_; };
+    if (changed_.wait_until(lock, last.at + kLeastInterval, ended)) return std::nullopt;
+    changed_.wait_until(lock, last.at + kLongestInterval,
+                        [&] { return ended_ || version_ != last.version; });
+    const News news{version_, std::chrono::steady_clock::now()};
+    if (changed_.wait_until(lock, news.at + settle, ended)) return std::nullopt;
+    return news;
+  }
+
+  // Newest first.
+  nlohmann::json Stops() const {
+    const std::lock_guard lock(mutex_);
+    nlohmann::json stops = nlohmann::json::array();
+    for (const Stop& stop : stops_) {
+      stops.push_back({{"time", absl::ToUnixMillis(stop.time)},
+                       {"reason", stop.reason == Reason::kNone ? "" : NameOf(stop.reason)},
+                       {"message", stop.message}});
+    }
+    return stops;
+  }
+
+ private:
+  struct Stop {
+    absl::Time time;
+    Reason reason;  // kNone: verdicts are known again
+    std::string message;
+  };
+
+  // With the mutex held, or nobody else about.
+  void NoteStop() {
+    const Moment now = serving_.settings.clock();
+    const Served served = serving_.scenes.Newest(now);
+    const Policy policy = DefaultPolicy(serving_.settings, *served.database);
+    const Reason reason = BlockedReason(served, policy, serving_.settings.scene, now);
+    if (stops_.empty() ? reason == Reason::kNone : reason == stops_.front().reason) return;
+    const std::vector<SceneDefect> defects = DefectsOf(served, reason, serving_.settings, now);
+    stops_.push_front({now.time, reason, defects.empty() ? "" : defects.front().message});
+    if (stops_.size() > kMostStops) stops_.pop_back();
+  }
+
+  Serving& serving_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  uint64_t version_ = 0;
+  bool ended_ = false;
+  std::deque<Stop> stops_;
+};
+
+// At most so many connections: further ones wait in the system's queue.
+class BoundedThreads final : public httplib::TaskQueue {
+ public:
+  BoundedThreads() : threads_(CellPage::kMostConnections) {}
+  void enqueue(std::function<void()> task) override {
+    places_.acquire();
+    threads_.enqueue([this, task = std::move(task)] {
+      task();
+      places_.release();
+    });
+  }
+  void shutdown() override { threads_.shutdown(); }
+
+ private:
+  std::counting_semaphore<> places_{CellPage::kMostConnections};
+  httplib::ThreadPool threads_;
+};
+
+// Whether a Host header names an address by its number, or localhost. A name could be anybody's.
+bool NamesNoForeignHost(std::string host) {
+  const size_t port = host.rfind(':');
+  if (port != std::string::npos && host.find(']', port) == std::string::npos) host.resize(port);
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  char address[sizeof(in6_addr)];
+  return host == "localhost" || inet_pton(AF_INET, host.c_str(), address) == 1 ||
+         inet_pton(AF_INET6, host.c_str(), address) == 1;
+}
+
+void Refuse(httplib::Response& response, int status, const std::string& why) {
+  response.status = status;
+  response.set_content(why + "\n", "text/plain; charset=utf-8");
+}
+
+httplib::Headers SecurityHeaders() {
+  return {{"Content-Security-Policy",
+           "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src "
+           "'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"},
+          {"X-Content-Type-Options", "nosniff"},
+          {"Referrer-Policy", "no-referrer"},
+          {"Cross-Origin-Resource-Policy", "same-origin"},
+          {"Cache-Control", "no-store"}};
+}
+
+}  // namespace
+
+struct CellPage::Http {
+  explicit Http(Serving& the_serving)
+      : serving(the_serving), changes(std::make_shared<Changes>(serving)) {
+    server.new_task_queue = [] { return new BoundedThreads(); };
+    server.set_socket_options([](int socket) {
+      const int yes = 1;
+      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    });
+    server.set_tcp_nodelay(true);
+    server.set_payload_max_length(1024);
+    server.set_keep_alive_max_count(1);
+    server.set_default_headers(SecurityHeaders());
+    server.set_pre_routing_handler(
+        [](const httplib::Request& request, httplib::Response& response) {
+          if (request.get_header_value_count("Host") == 1 &&
+              NamesNoForeignHost(request.get_header_value("Host"))) {
+            return httplib::Server::HandlerResponse::Unhandled;
+          }
+          Refuse(response, 421, "Open this page by a numeric address or as localhost.");
+          return httplib::Server::HandlerResponse::Handled;
+        });
+    const auto file = [this](const char* path, const char* text, const char* type) {
+      server.Get(path, [text, type](const httplib::Request&, httplib::Response& response) {
+        response.set_content(text, type);
+      });
+    };
+    file("/", templates::page_html, "text/html; charset=utf-8");
+    file("/page.css", templates::page_css, "text/css; charset=utf-8");
+    file("/page.js", templates::page_js, "text/javascript; charset=utf-8");
+    server.Get("/favicon.ico",
+               [](const httplib::Request&, httplib::Response& response) { response.status = 204; });
+    server.Get("/events", [this](const httplib::Request& request, httplib::Response& response) {
+      Stream(request, response);
+    });
+  }
+
+  ~Http() {
+    changes->End();
+    server.stop();
+    if (thread.joinable()) thread.join();
+  }
+
+  void Listen() {
+    serving.watches.Add(changes);
+    thread = std::thread([this] {
+      // The threads that it starts are as nice as it.
+      setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
+      server.listen_after_bind();
+    });
+    while (!server.is_running()) std::this_thread::sleep_for(milliseconds(1));
+  }
+
+  // Server-sent events: a snapshot each.
+  void Stream(const httplib::Request& request, httplib::Response& response) {
+    if (request.get_header_value("Sec-Fetch-Site") == "cross-site") {
+      return Refuse(response, 403, "Another site asks.");
+    }
+    const absl::StatusOr<SliceChoice> choice = SliceChoiceFrom(
+        request.get_param_value("x"), request.get_param_value("y"), request.get_param_value("at"));
+    if (!choice.ok()) return Refuse(response, 400, std::string(choice.status().message()));
+    if (streams.fetch_add(1) >= kMostStreams) {
+      --streams;
+      return Refuse(response, 503, "As many look at this page as may.");
+    }
+    const milliseconds settle =
+        absl::ToChronoMilliseconds(serving.settings.map_time) + kAfterMapTime;
+    response.set_chunked_content_provider(
+        "text/event-stream",
+        [this, choice = *choice, settle, last = Changes::News()](size_t,
+                                                                 httplib::DataSink& sink) mutable {
+          const std::optional<Changes::News> news = changes->Wait(last, settle);
+          if (!news) {
+            sink.done();
+            return true;
+          }
+          last = *news;
+          ++snapshots;
+          const std::string event = absl::StrCat(
+              "data: {\"stops\":",
+              changes->Stops().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
+              ",\"now\":", SnapshotText(serving, choice), "}\n\n");
+          return sink.write(event.data(), event.size());
+        },
+        [this](bool) { --streams; });
+  }
+
+  Serving& serving;
+  const std::shared_ptr<Changes> changes;
+  std::atomic<int> streams = 0;
+  std::atomic<uint64_t> snapshots = 0;
+  httplib::Server server;
+  std::thread thread;
+};
+
+CellPage::CellPage(std::unique_ptr<Http> http, std::string address)
+    : http_(std::move(http)), address_(std::move(address)) {}
+
+CellPage::~CellPage() = default;
+
+uint64_t CellPage::snapshots() const { return http_->snapshots; }
+
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
+                                                          Serving& serving) {
+  if (address.starts_with("unix:")) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("page address '", address, "': browsers ask over TCP; say 127.0.0.1:8080"));
+  }
+  if (absl::Status usable = CheckListenAddress(address); !usable.ok()) {
+    return absl::Status(usable.code(), absl::StrCat("page: ", usable.message()));
+  }
+  if (!insecure && !StaysOnThisMachine(address)) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "page: will not show the cell on ", address,
+        ", which other machines reach: use 127.0.0.1, or start with --insecure if everyone in that "
+        "network may see its images"));
+  }
+  const size_t colon = address.rfind(':');
+  std::string host = address.substr(0, colon);
+  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  auto http = std::make_unique<Http>(serving);
+  int port = std::stoi(address.substr(colon + 1));
+  if (port == 0) {
+    port = http->server.bind_to_any_port(host);
+  } else if (!http->server.bind_to_port(host, port)) {
+    port = -1;
+  }
+  if (port < 0)
+    return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
+  if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
+  http->Listen();
+  return std::unique_ptr<CellPage>(
+      new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
+}
+
+}  // namespace silhouette

@@ -1,0 +1,572 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shows the newest snapshot of the server (snapshot.h), as long as it holds. What is not known, or
+// no longer, is shown as unknown. Texts of the server become text nodes, never markup.
+"use strict";
+
+const COLOURS = {
+  robot: [0, 114, 178], obstacle: [213, 94, 0], unknown: [86, 180, 233], error: [240, 228, 66],
+  allowed: [204, 121, 167], ignored: [130, 130, 130],
+};
+const CELLS = { f: [247, 247, 247], o: [140, 140, 140], u: [86, 180, 233] };
+const LOST_AFTER = 1.6;        // s without an event; the server sends one every 0.5 s
+const HISTORY = 300;           // s
+const CLOCK_DRIFT = 0.0005;    // s/s, more than clocks drift
+
+const $ = (id) => document.getElementById(id);
+let snapshot = null;           // the newest
+let stops = [];
+let source = null;
+let connected = false;
+let ahead = -Infinity;         // of the server's clock before ours, by the event that was under way least
+let heardAt = 0;
+let was = null;                // whether the last drawing was of something known
+let choice = { x: 0, y: 1, at: {} };   // at: by joint, only what is not to follow the robot
+const samples = [];            // one a second: {second, share (null: unknown), latency}
+
+const local = () => performance.now() / 1000;
+const text = (node, value) => { if (node.textContent !== value) node.textContent = value; };
+const rgb = (colour) => `rgb(${colour.join()})`;
+
+function element(tag, className, content, ...children) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  if (content) made.textContent = content;
+  made.append(...children);
+  return made;
+}
+
+// Replaces the children if what they are made of has changed: focus and scrolling stay.
+function fill(node, data, make) {
+  const key = JSON.stringify(data);
+  if (node.dataset.key === key) return;
+  node.dataset.key = key;
+  node.replaceChildren(...make());
+}
+
+const seconds = (message) => message ? parseFloat(message) : NaN;   // "0.040s"
+const duration = (s) => Number.isNaN(s) ? "–" : s < 1 ? `${Math.round(s * 1000)} ms`
+  : s < 120 ? `${s.toFixed(1)} s` : `${Math.round(s / 60)} min`;
+const count = (n) => Number(n).toLocaleString("en").replaceAll(",", "\u202f");
+const reason = (name) => name.replace(/^REASON_/, "").toLowerCase().replaceAll("_", " ");
+// Joints are radians or metres; the grid does not say which.
+const value = (v) => `${v.toFixed(3)} (${(v * 180 / Math.PI).toFixed(1)}°)`;
+
+function heard(event) {
+  const { stops: newest, now } = JSON.parse(event.data);
+  stops = newest;
+  snapshot = now;
+  connected = true;
+  if (now.clock !== undefined) {
+    ahead = Math.max(now.clock - local(), ahead - CLOCK_DRIFT * (local() - heardAt));
+  }
+  heardAt = local();
+  sample();
+  draw();
+}
+
+// Seconds since the snapshot was made.
+const since = () => Math.max(0, local() + ahead - snapshot.clock);
+
+// What the page may say now: {known, status}.
+function judge() {
+  if (snapshot === null) return { known: false, status: connected ? "Waiting" : "Connecting" };
+  if (!connected || local() - heardAt > LOST_AFTER) {
+    return { known: false, status: "Connection lost: nothing here is current" };
+  }
+  if (snapshot.error) return { known: false, status: `Unknown: ${snapshot.error}` };
+  if (since() > LOST_AFTER) return { known: false, status: "Updates are late: nothing here is current" };
+  if (snapshot.blocked) return { known: false, status: `Not serving: ${snapshot.blocked}` };
+  if (since() >= snapshot.valid_for) return { known: false, status: "Not serving: scene stale" };
+  return { known: true, status: "Serving" };
+}
+
+function connect() {
+  if (source) source.close();
+  source = null;
+  if (document.hidden) return;
+  const joints = snapshot && snapshot.database ? snapshot.database.grid.joints.length : 0;
+  const at = [...Array(joints).keys()].map((j) => choice.at[j] ?? "").join();
+  const opened = new EventSource(`events?x=${choice.x}&y=${choice.y}&at=${at}`);
+  opened.onmessage = heard;
+  opened.onerror = () => {
+    opened.close();
+    if (opened !== source) return;
+    connected = false;
+    draw();
+    setTimeout(() => { if (opened === source) connect(); }, 500);
+  };
+  source = opened;
+}
+
+// Masks.
+
+function bits(mask) {
+  const bytes = Uint8Array.from(atob(mask.bits), (c) => c.charCodeAt(0));
+  return (x, y) => {
+    if (x < 0 || y < 0 || x >= mask.width || y >= mask.height) return false;
+    const i = y * mask.width + x;
+    return (bytes[i >> 3] >> (i & 7) & 1) === 1;
+  };
+}
+
+function veil(context, mask, colour, opacity) {
+  if (!mask) return;
+  const set = bits(mask);
+  const pixels = new ImageData(mask.width, mask.height);
+  for (let i = 0; i < mask.width * mask.height; ++i) {
+    if (set(i % mask.width, Math.floor(i / mask.width))) pixels.data.set([...colour, opacity * 255], 4 * i);
+  }
+  stretch(context, pixels, 0, 0, context.canvas.width, context.canvas.height);
+}
+
+function stretch(context, pixels, x, y, width, height) {
+  const small = new OffscreenCanvas(pixels.width, pixels.height);
+  small.getContext("2d").putImageData(pixels, 0, 0);
+  context.imageSmoothingEnabled = false;
+  context.drawImage(small, x, y, width, height);
+}
+
+function outline(context, mask, strokes) {
+  if (!mask) return;
+  const set = bits(mask);
+  const [w, h] = [context.canvas.width / mask.width, context.canvas.height / mask.height];
+  context.beginPath();
+  for (let y = 0; y <= mask.height; ++y) {
+    for (let x = 0; x <= mask.width; ++x) {
+      if (set(x, y) !== set(x, y - 1)) { context.moveTo(x * w, y * h); context.lineTo((x + 1) * w, y * h); }
+      if (set(x, y) !== set(x - 1, y)) { context.moveTo(x * w, y * h); context.lineTo(x * w, (y + 1) * h); }
+    }
+  }
+  for (const [colour, width, dash] of strokes) {
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.setLineDash(dash || []);
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+// Views.
+
+async function drawViews(shown, known) {
+  const { views, scene, database, paths } = shown;
+  const figures = $("views");
+  fill(figures, database.views.map((view) => view.name), () => database.views.map((view) => {
+    const canvas = document.createElement("canvas");
+    canvas.width = 480;
+    canvas.height = Math.round(480 * view.image_height / view.image_width);
+    canvas.setAttribute("role", "img");
+    const figure = element("figure", "", "", canvas, element("p", "veil"), element("figcaption"));
+    figure.dataset.view = view.name;
+    return figure;
+  }));
+  const images = await Promise.all(database.views.map((view) => decode(views[view.name].image)));
+  if (shown !== snapshot) return;  // a newer one is drawn already
+  database.views.forEach((view, i) => {
+    const [canvas, missing, caption] = figures.children[i].children;
+    const context = canvas.getContext("2d");
+    const seen = scene ? scene.views.find((of) => of.view === view.name) : null;
+    const beside = views[view.name];
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    if (images[i]) {
+      context.imageSmoothingEnabled = true;
+      context.drawImage(images[i], 0, 0, canvas.width, canvas.height);
+    }
+    const opacity = images[i] ? 0.55 : 0.9;
+    const words = [];
+    if (seen) {
+      for (const plane of ["unknown", "ignored", "error", "obstacle"]) veil(context, seen[plane], COLOURS[plane], opacity);
+      veil(context, beside.allowed, COLOURS.allowed, opacity);
+      outline(context, beside.robot, [["#fff", 4], [rgb(COLOURS.robot), 2.5]]);
+      words.push(`obstacle ${seen.obstacle_pixels}`, `unknown ${seen.unknown_pixels}`, `error ${seen.error_pixels}`);
+      for (const path of known ? paths : []) {
+        if (path.state !== "occupied" || !path.why) continue;
+        outline(context, path.why[view.name].robot, [["#fff", 2.5], [rgb(COLOURS.robot), 1.5, [5, 4]]]);
+        outline(context, path.why[view.name].convicts, [["#fff", 5], ["#000", 2.5]]);
+      }
+    }
+    text(missing, !seen ? "This view is not in the scene: it counts as an obstacle everywhere"
+      : known ? "" : "Not current");
+    const line = seen ? `${words.join(", ")} pixels` : "missing";
+    caption.replaceChildren(element("b", seen ? "" : "no", view.name), ` ${line}`);
+    canvas.setAttribute("aria-label", `View ${view.name}: ${line}`);
+  });
+}
+
+async function decode(base64) {
+  if (!base64) return null;
+  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  return createImageBitmap(new Blob([bytes], { type: "image/jpeg" })).catch(() => null);
+}
+
+// The configuration space.
+
+const MARGIN = { left: 64, right: 12, top: 10, bottom: 46 };
+
+function drawMap(shown, known) {
+  const { space, database, present, paths } = shown;
+  const joints = database.grid.joints;
+  const flat = space.x === space.y;
+  const [jx, jy] = [joints[space.x], joints[space.y]];
+  const rows = flat ? 1 : jy.steps;
+  const canvas = $("map");
+  const wide = Math.max(200, Math.round(canvas.clientWidth));
+  const inner = wide - MARGIN.left - MARGIN.right;
+  const high = flat ? 48 : Math.min(Math.round(inner * 1.0), Math.max(Math.round(inner * 0.5), Math.round(inner * rows / jx.steps)));
+  const context = scaled(canvas, wide, high + MARGIN.top + MARGIN.bottom);
+  context.save();
+  context.translate(MARGIN.left, MARGIN.top);
+  const pixels = new ImageData(jx.steps, rows);
+  for (let i = 0; i < jx.steps * rows; ++i) {
+    const [column, row] = [i % jx.steps, Math.floor(i / jx.steps)];
+    const letter = known && space.cells ? space.cells[i] : "u";
+    pixels.data.set([...CELLS[letter], 255], 4 * ((rows - 1 - row) * jx.steps + column));
+  }
+  stretch(context, pixels, 0, 0, inner, high);
+  context.strokeStyle = "#555";
+  context.lineWidth = 1;
+  context.strokeRect(0, 0, inner, high);
+  // A value of a joint lies in the middle of its cell.
+  const step = (joint) => (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
+  const px = (v) => ((v - jx.lower) / (step(jx) || 1) + 0.5) / jx.steps * inner;
+  const py = (v) => flat ? high / 2 : high - ((v - jy.lower) / (step(jy) || 1) + 0.5) / rows * high;
+  ticks(context, jx, px, py, inner, high, flat ? null : jy);
+  context.beginPath();
+  context.rect(0, 0, inner, high);
+  context.clip();
+  for (const path of paths) {
+    context.beginPath();
+    path.waypoints.forEach((q, i) => context[i ? "lineTo" : "moveTo"](px(q[space.x]), py(q[space.y])));
+    for (const [colour, width] of [["#fff", 5], [rgb(COLOURS.robot), 2.5]]) {
+      context.strokeStyle = colour;
+      context.lineWidth = width;
+      context.stroke();
+    }
+    const q = path.check && path.check.configuration ? path.check.configuration.positions : [];
+    if (!known || path.state !== "occupied" || q.length !== joints.length) continue;
+    cross(context, px(q[space.x]), py(q[space.y]));
+  }
+  context.restore();
+  if (present) {
+    ring(context, MARGIN.left + px(present.configuration[space.x]), MARGIN.top + py(present.configuration[space.y]));
+  }
+  text($("map-missing"), known ? space.missing : judge().status);
+  const where = present ? present.configuration.map((v, j) => `${joints[j].name} ${value(v)}`).join(", ") : "";
+  const state = known && present ? present.state : "unknown";
+  text($("present"), present ? `The robot is at ${where}: ${state}.` : "Where the robot is, is not known.");
+  canvas.setAttribute("aria-label", `Map over ${jx.name}${flat ? "" : ` and ${jy.name}`}. ${$("present").textContent}`);
+  for (const name of ["free", "occupied", "unknown"]) {
+    text($(name), known && space.counts ? `${count(space.counts[name])} (${percent(space.counts, name)} %)` : "–");
+  }
+}
+
+function percent(counts, name) {
+  return (100 * counts[name] / (counts.free + counts.occupied + counts.unknown)).toFixed(1);
+}
+
+function scaled(canvas, width, height) {
+  const ratio = Math.min(2, window.devicePixelRatio || 1);
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  canvas.style.height = `${height}px`;
+  const context = canvas.getContext("2d");
+  context.scale(ratio, ratio);
+  context.font = "12px system-ui, 'DejaVu Sans', sans-serif";
+  return context;
+}
+
+function ticks(context, jx, px, py, width, height, jy) {
+  context.fillStyle = "#222";
+  context.textBaseline = "top";
+  const label = (v) => `${(v * 180 / Math.PI).toFixed(0)}°`;
+  for (const part of [0, 0.5, 1]) {
+    const v = jx.lower + part * (jx.upper - jx.lower);
+    context.textAlign = part === 0 ? "left" : part === 1 ? "right" : "center";
+    context.fillText(label(v), Math.min(width, Math.max(0, px(v))), height + 6);
+  }
+  context.textAlign = "center";
+  context.fillText(jx.name, width / 2, height + 24);
+  if (!jy) return;
+  context.textAlign = "right";
+  for (const part of [0, 0.5, 1]) {
+    const v = jy.lower + part * (jy.upper - jy.lower);
+    context.textBaseline = part === 0 ? "bottom" : part === 1 ? "top" : "middle";
+    context.fillText(label(v), -6, Math.min(height, Math.max(0, py(v))));
+  }
+  context.save();
+  context.translate(-MARGIN.left + 6, height / 2);
+  context.rotate(-Math.PI / 2);
+  context.textAlign = "center";
+  context.textBaseline = "top";
+  context.fillText(jy.name, 0, 0);
+  context.restore();
+}
+
+function ring(context, x, y) {
+  for (const [colour, width] of [["#fff", 7], ["#000", 3]]) {
+    context.beginPath();
+    context.arc(x, y, 8, 0, 2 * Math.PI);
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.stroke();
+  }
+}
+
+function cross(context, x, y) {
+  for (const [colour, width] of [["#fff", 7], [rgb(COLOURS.obstacle), 4]]) {
+    context.beginPath();
+    for (const d of [-1, 1]) { context.moveTo(x - 8, y - 8 * d); context.lineTo(x + 8, y + 8 * d); }
+    context.strokeStyle = colour;
+    context.lineWidth = width;
+    context.stroke();
+  }
+}
+
+// With more than two joints: which are the axes, and where the others are.
+function drawControls(shown) {
+  const { database: { grid: { joints } }, space } = shown;
+  fill($("controls"), [joints, space.x, space.y], () => {
+    if (joints.length < 3) return [];
+    const axis = (name, chosen) => {
+      const select = document.createElement("select");
+      joints.forEach((joint, j) => select.append(new Option(joint.name, j, false, j === chosen)));
+      select.onchange = () => choose({ [name]: Number(select.value) });
+      return element("label", "", name === "x" ? "Across" : "Up", select);
+    };
+    const slider = (joint, j) => {
+      const range = document.createElement("input");
+      Object.assign(range, { type: "range", min: 0, max: joint.steps - 1 });
+      range.dataset.joint = j;
+      range.oninput = () => choose({ at: { ...choice.at, [j]: Number(range.value) } });
+      return element("label", "", joint.name, range, element("output"));
+    };
+    const follow = document.createElement("input");
+    follow.type = "checkbox";
+    follow.id = "follow";
+    follow.onchange = () => choose({ at: follow.checked ? {}
+      : Object.fromEntries(snapshot.space.at.map((step, j) => [j, step])) });
+    return [axis("x", space.x), axis("y", space.y),
+      ...joints.flatMap((joint, j) => j === space.x || j === space.y ? [] : [slider(joint, j)]),
+      element("label", "", "", follow, "through the robot")];
+  });
+  if (joints.length < 3) return;
+  $("follow").checked = Object.keys(choice.at).length === 0;
+  for (const range of $("controls").querySelectorAll("input[type=range]")) {
+    const j = Number(range.dataset.joint);
+    const joint = joints[j];
+    if (document.activeElement !== range || $("follow").checked) range.value = space.at[j];
+    const step = (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
+    text(range.nextSibling, `${((joint.lower + step * range.value) * 180 / Math.PI).toFixed(1)}°`);
+  }
+}
+
+let chosen = 0;
+function choose(change) {
+  choice = { ...choice, ...change };
+  if (choice.x === choice.y) choice = "x" in change ? { ...choice, y: snapshot.space.x } : { ...choice, x: snapshot.space.y };
+  clearTimeout(chosen);
+  chosen = setTimeout(connect, 150);
+}
+
+// Lists.
+
+function drawPaths(shown, known) {
+  const shownPaths = shown.paths.map((path) => ({
+    client: path.client, waypoints: path.waypoint_count, check: path.check,
+    state: known && since() < path.valid_for ? path.state : "unknown",
+  }));
+  fill($("paths"), [shownPaths, shown.path_count, known], () => {
+    if (shown.path_count === 0) return [element("li", "quiet", "No client watches a path.")];
+    const items = shownPaths.map((path) => {
+      const item = element("li", path.state, "", element("span", "verdict", path.state),
+        ` ${path.waypoints} waypoints, watched by ${path.client}`);
+      const { check, state } = path;
+      if (!check) return item;
+      if (state === "unknown") {
+        const why = shown.blocked || reason(check.verdict.reason);
+        item.append(element("p", "", known && why !== "unspecified" ? `Reason: ${why}` : "Not current"));
+      }
+      if (state === "occupied") {
+        const joints = shown.database.grid.joints;
+        const q = check.configuration.positions.map((v, j) => `${joints[j].name} ${value(v)}`).join(", ");
+        item.append(element("p", "", `First blocked ${Math.round(check.fraction * 100)} % after waypoint ${check.segment}: ${q}`));
+        item.append(element("p", "", check.verdict.views.map((view) => view.missing ? `${view.view}: missing`
+          : `${view.view}: ${view.obstacle_pixels} obstacle`).join(", ") + " pixels. Dashed in the views: the robot there."));
+      }
+      item.append(element("p", "quiet", `Verdict of scene ${check.basis.scene_id}`));
+      return item;
+    });
+    const more = shown.path_count - shown.paths.length;
+    return more > 0 ? [...items, element("li", "quiet", `and ${more} more`)] : items;
+  });
+}
+
+function drawDevices(shown) {
+  const live = shown.acquisition;
+  const rows = live ? [
+    ...live.cameras.map((camera) => [camera.view, camera.serving, camera.fault, camera.last_image_age, camera.images, camera.errors]),
+    ["robot", live.robot.serving, live.robot.fault, live.robot.last_sample_age, live.robot.samples, live.robot.errors],
+  ] : shown.database.views.map((view) => {
+    const seen = shown.scene && shown.scene.views.some((of) => of.view === view.name);
+    return [view.name, seen, seen ? "" : "not in the scene", null, "–", "–"];
+  });
+  fill($("devices"), rows, () => rows.map(([name, serving, fault, age, good, errors]) => {
+    const row = element("tr", "", "", element("th", "", name),
+      element("td", serving ? "yes" : "no", serving ? (live ? "serving" : "in the scene") : fault || "not serving"));
+    row.firstChild.scope = "row";
+    for (const cell of [duration(seconds(age)), good, errors]) row.append(element("td", "", String(cell)));
+    return row;
+  }));
+}
+
+function drawStops() {
+  fill($("stops"), stops, () => stops.length === 0 ? [element("li", "note", "None since the server started.")]
+    : stops.map((stop) => {
+      const time = element("b", "", new Date(stop.time).toLocaleTimeString("en-GB"));
+      return element("li", "", "", time, stop.reason ? `${stop.reason}: ${stop.message}` : "serving again");
+    }));
+}
+
+// Charts.
+
+function sample() {
+  const { known } = judge();
+  const counts = snapshot.space && snapshot.space.counts;
+  const latency = snapshot.latency ? (snapshot.latency.to_map.count > 0 ? snapshot.latency.to_map : snapshot.latency.to_scene) : null;
+  const second = Math.floor(local());
+  const taken = { second, latency, share: known && counts ? counts.occupied / (counts.free + counts.occupied + counts.unknown) : null };
+  const last = samples.at(-1);
+  if (last && last.second === second) {
+    if (taken.share === null) last.share = null;  // a second with a stop is a stop
+    return;
+  }
+  samples.push(taken);
+  while (samples[0].second < second - HISTORY) samples.shift();
+}
+
+function drawHistory() {
+  const canvas = $("history");
+  const [left, high, bottom] = [40, 110, 20];
+  const wide = Math.max(200, canvas.clientWidth);
+  const context = scaled(canvas, wide, high + bottom);
+  const end = Math.floor(local());
+  const x = (second) => left + (wide - left - 4) * (1 - (end - second) / HISTORY);
+  const most = Math.max(0.05, ...samples.map((one) => one.share ?? 0)) * 1.2;
+  const y = (share) => high - (high - 8) * Math.min(1, share / Math.min(1, most));
+  const each = (wide - left - 4) / HISTORY;
+  const by = new Map(samples.map((one) => [one.second, one.share]));
+  context.strokeStyle = rgb(CELLS.u);
+  context.lineWidth = 1.5;
+  for (let second = samples.length ? samples[0].second : end; second <= end; ++second) {
+    if ((by.get(second) ?? null) !== null || second === end) continue;
+    context.save();
+    context.beginPath();
+    context.rect(x(second), 8, each + 0.5, high - 8);
+    context.clip();
+    context.beginPath();
+    for (let s = -high; s < wide; s += 7) { context.moveTo(s, high); context.lineTo(s + high, 0); }
+    context.stroke();
+    context.restore();
+  }
+  context.fillStyle = "#6a6a6a";
+  for (const { second, share } of samples) {
+    if (share !== null) context.fillRect(x(second), y(share), each + 0.5, high - y(share));
+  }
+  context.strokeStyle = "#555";
+  context.lineWidth = 1;
+  context.strokeRect(left, 8, wide - left - 4, high - 8);
+  context.fillStyle = "#222";
+  context.textBaseline = "middle";
+  context.textAlign = "right";
+  context.fillText(`${(100 * Math.min(1, most)).toFixed(0)} %`, left - 5, 14);
+  context.fillText("0", left - 5, high - 6);
+  context.textBaseline = "top";
+  context.fillText("now", wide - 4, high + 5);
+  context.textAlign = "left";
+  context.fillText("5 min ago", left, high + 5);
+  const newest = samples.at(-1);
+  canvas.setAttribute("aria-label", newest && newest.share !== null
+    ? `Occupied share, now ${(100 * newest.share).toFixed(1)} percent` : "Occupied share: unknown now");
+}
+
+// Of the last minute, or as long as the page has looked.
+function drawLatency(shown) {
+  const canvas = $("latency");
+  canvas.hidden = !shown.latency;
+  if (!shown.latency) {
+    text($("latency-text"), "Not measured: clients take the images. It is with --live.");
+    return;
+  }
+  const kind = shown.latency.to_map.count > 0 ? "to_map" : "to_scene";
+  const now = shown.latency[kind];
+  const before = samples.find((one) => one.latency && one.second >= local() - 60)?.latency;
+  const [first, all] = before && before.count < now.count ? [before, now.count - before.count] : [null, now.count];
+  const sums = [...now.within.map((n, i) => n - (first ? first.within[i] : 0)), all];
+  const bars = sums.map((n, i) => n - (i ? sums[i - 1] : 0));
+  const wide = Math.max(200, canvas.clientWidth);
+  const high = 100;
+  const context = scaled(canvas, wide, high + 22);
+  const each = wide / bars.length;
+  const most = Math.max(1, ...bars);
+  context.textAlign = "center";
+  bars.forEach((n, i) => {
+    const h = (high - 16) * n / most;
+    context.fillStyle = rgb(COLOURS.robot);
+    context.fillRect(i * each + 2, high - h, each - 4, h);
+    context.fillStyle = "#222";
+    context.textBaseline = "bottom";
+    if (n > 0) context.fillText(n, (i + 0.5) * each, high - h - 1);
+    context.textBaseline = "top";
+    const bound = i < shown.latency.bounds.length ? `${+(shown.latency.bounds[i] * 1000).toFixed(1)}` : "more";
+    context.fillText(bound, (i + 0.5) * each, high + 6);
+  });
+  context.fillStyle = "#555";
+  context.fillRect(0, high, wide, 1);
+  const what = kind === "to_map" ? "map" : "scene";
+  text($("latency-text"), `Scenes of the last minute by the time from the last pixel to the ${what}, in ms (upper bounds). `
+    + `Median since the start: ${duration(seconds(shown.acquisition[kind].median))}, 99 of 100 within ${duration(seconds(shown.acquisition[kind].p99))}.`);
+  canvas.setAttribute("aria-label", $("latency-text").textContent);
+}
+
+function drawFacts(shown, known) {
+  text($("cell"), shown.database.cell_name || "Silhouette");
+  const scene = shown.scene;
+  text($("scene"), scene ? scene.id : "none");
+  text($("age"), scene ? duration(seconds(shown.basis.scene_age) + since()) : "–");
+  text($("skew"), scene ? duration(seconds(scene.skew)) : "–");
+  text($("preset"), shown.database.default_policy.preset);
+  text($("variant"), shown.basis.scene_variant || (scene ? "unknown" : "–"));
+  text($("regions"), shown.basis.regions.join(", ") || "none");
+  const defects = shown.basis.defects.map((defect) => defect.message);
+  if (!known && defects.length === 0) defects.push(judge().status);
+  if (shown.basis.unverified_model) defects.push("The robot's model is not verified.");
+  $("problems").hidden = defects.length === 0;
+  fill($("defects"), defects, () => defects.map((message) => element("li", "", message)));
+}
+
+function draw() {
+  const { known, status } = judge();
+  was = `${known} ${status}`;
+  document.body.className = known ? "known" : "unknown";
+  text($("status"), status);
+  drawStops();
+  drawHistory();
+  if (snapshot === null || snapshot.error) return;
+  drawFacts(snapshot, known);
+  drawControls(snapshot);
+  drawMap(snapshot, known);
+  drawPaths(snapshot, known);
+  drawDevices(snapshot);
+  drawLatency(snapshot);
+  drawViews(snapshot, known);
+}
+
+// Time alone makes things unknown.
+setInterval(() => {
+  const { known, status } = judge();
+  if (`${known} ${status}` !== was) draw();
+  else if (snapshot && snapshot.scene) text($("age"), duration(seconds(snapshot.basis.scene_age) + since()));
+}, 100);
+document.addEventListener("visibilitychange", () => { connected = false; draw(); connect(); });
+window.addEventListener("resize", draw);
+connect();

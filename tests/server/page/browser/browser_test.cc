@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page in a real browser.
+#include "tests/server/page/browser/browser.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "tests/server/page/looking.h"
+
+namespace silhouette {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr char kHostileName[] = "<img src=x onerror=document.title='run'>";
+
+std::shared_ptr<const ServedDatabase> HostileDatabase() {
+  TestDatabase test{.index = true};
+  test.cell.set_name(kHostileName);
+  return NewDatabase(test);
+}
+
+// One browser for all: it takes seconds to start.
+class BrowserTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { browser = new Browser(1280, 900); }
+  static void TearDownTestSuite() {
+    delete browser;
+    browser = nullptr;
+  }
+
+  // The clock runs, as that of the browser does.
+  BrowserTest()
+      : test(HostileDatabase(), {}, [](const Clock&) { return Clock(SystemClock); }),
+        page(StartPage(test)) {
+    browser->Open("http://" + page->address() + "/");
+  }
+  ~BrowserTest() override { browser->Open("about:blank"); }
+
+  bool Shows(const std::string& selector, const testing::Matcher<std::string>& text,
+             milliseconds longest = std::chrono::seconds(10)) {
+    const bool shown = Soon([&] { return text.Matches(browser->Text(selector)); }, longest);
+    if (!shown) ADD_FAILURE() << selector << " shows: " << browser->Text(selector);
+    return shown;
+  }
+
+  // Publishes ten scenes a second until the test ends.
+  class Scenes {
+   public:
+    Scenes(TestServer& server, const SceneInput& input)
+        : thread_([&server, input](const std::stop_token& stop) {
+            while (!stop.stop_requested()) {
+              server.Publish(input);
+              std::this_thread::sleep_for(milliseconds(100));
+            }
+          }) {}
+
+   private:
+    std::jthread thread_;
+  };
+
+  // The colours of the map, one a cell, row by row from below: "f", "o" or "u".
+  std::string Map() {
+    return browser
+        ->Run(R"(const map = document.getElementById('map');
+          const ratio = map.width / map.clientWidth;
+          const wide = map.clientWidth - 64 - 12, high = map.clientHeight - 10 - 46;
+          const context = map.getContext('2d');
+          let cells = '';
+          for (let b = 0; b < 8; ++b) for (let a = 0; a < 5; ++a) {
+            // Beside the middle, where the robot's ring is.
+            const x = 64 + (a + 0.12) / 5 * wide, y = 10 + high - (b + 0.12) / 8 * high;
+            const [red, , blue] = context.getImageData(x * ratio, y * ratio, 1, 1).data;
+            cells += blue > red + 50 ? 'u' : red > 200 ? 'f' : 'o';
+          }
+          return cells;)")
+        .get<std::string>();
+  }
+
+  static Browser* browser;
+  TestServer test;
+  std::unique_ptr<CellPage> page;
+};
+
+Browser* BrowserTest::browser = nullptr;
+
+TEST_F(BrowserTest, WithoutASceneNothingIsFree) {
+  ASSERT_TRUE(Shows("#status", std::string("Not serving: no scene")));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
+  EXPECT_EQ(browser->Text("#free"), "–");
+  EXPECT_THAT(browser->Text("#defects"), HasSubstr("scene"));
+}
+
+TEST_F(BrowserTest, ShowsWhatTheApiSays) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  std::string expected;
+  for (int b = 0; b < 8; ++b) {
+    for (int a = 0; a < 5; ++a) {
+      expected += test.CheckOne(At(a, b)).state() == v1::Verdict::STATE_FREE ? 'f' : 'o';
+    }
+  }
+  EXPECT_EQ(Map(), expected);
+  const auto free = std::ranges::count(expected, 'f');
+  EXPECT_THAT(browser->Text("#free"), StartsWith(absl::StrCat(free, " (")));
+  EXPECT_THAT(browser->Text("#occupied"), StartsWith(absl::StrCat(40 - free, " (")));
+  EXPECT_THAT(browser->Text("figure[data-view=left] figcaption"),
+              HasSubstr(absl::StrCat("obstacle ", Block(0, 2).Count(), ", ")));
+  EXPECT_THAT(browser->Text("#present"), HasSubstr(": free."));
+  // Ages are those of the newest scene, a moment ago.
+  EXPECT_LE(std::stoi(browser->Text("#age")), 700);
+}
+
+TEST_F(BrowserTest, AWatchedPathIsShownWithItsVerdict) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  v1::CheckPathRequest request;
+  for (const int a : {0, 4}) Set(At(a, 4), request.add_waypoints());
+  grpc::ClientContext context;
+  const auto reader = test.collision->WatchPath(&context, request);
+  std::jthread reading([&] {
+    v1::WatchPathResponse told;
+    while (reader->Read(&told)) continue;
+  });
+  EXPECT_TRUE(Shows("#paths .verdict", std::string("occupied")));
+  EXPECT_THAT(browser->Text("#paths"), HasSubstr("left: 4 obstacle, right: 4 obstacle"));
+  context.TryCancel();
+  EXPECT_TRUE(Shows("#paths", HasSubstr("No client watches a path")));
+}
+
+TEST_F(BrowserTest, ALostCameraAppearsWithinASecond) {
+  auto scenes = std::make_unique<Scenes>(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  EXPECT_EQ(browser->Text("figure[data-view=top] .veil"), "");
+  scenes.reset();
+  SceneInput lost = SceneWithBlock(2);
+  lost.views.pop_back();
+  const Scenes without(test, lost);
+  EXPECT_TRUE(
+      Shows("figure[data-view=top] .veil", HasSubstr("not in the scene"), milliseconds(1000)));
+  EXPECT_TRUE(Shows("#defects", HasSubstr("top")));
+}
+
+TEST_F(BrowserTest, AStaleSceneIsGreyWithinASecondOfItsEnd) {
+  test.Publish(SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", HasSubstr("scene stale"), milliseconds(2000)));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
+  EXPECT_EQ(browser->Text("#free"), "–");
+  EXPECT_THAT(browser->Text("#stops"), HasSubstr("scene stale"));
+}
+
+TEST_F(BrowserTest, ALostConnectionSaysSo) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  page.reset();
+  EXPECT_TRUE(Shows("#status", HasSubstr("Connection lost"), milliseconds(2000)));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
+  EXPECT_EQ(browser->Text("#free"), "–");
+  browser->Open("about:blank");
+  page = StartPage(test);
+}
+
+TEST_F(BrowserTest, TextsAreNeverMarkup) {
+  ASSERT_TRUE(Shows("#cell", std::string(kHostileName)));
+  EXPECT_EQ(browser->Run("return document.images.length;"), 0);
+  EXPECT_EQ(browser->Run("return document.title;"), "Silhouette");
+}
+
+}  // namespace
+}  // namespace silhouette

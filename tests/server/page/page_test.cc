@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/page/page.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/page/snapshot.h"
+#include "tests/server/page/looking.h"
+
+namespace silhouette {
+namespace {
+
+using nlohmann::json;
+
+class PageTest : public testing::Test {
+ protected:
+  PageTest() : test(NewDatabase({.index = true})), page(StartPage(test)) {}
+
+  TestServer test;
+  std::unique_ptr<CellPage> page;
+};
+
+TEST_F(PageTest, ShowsTheSceneAsTheApiReturnsIt) {
+  test.Publish(SceneWithBlock(2));
+  const json now = SeenOn(*page);
+  v1::GetSceneRequest request;
+  request.set_include_planes(true);
+  const v1::Scene scene = test.Ask(&v1::SceneService::Stub::GetScene, request).scene();
+  EXPECT_EQ(now["scene"], JsonText(scene));
+  EXPECT_EQ(now["basis"], JsonText(test.Check({At(0, 0)}).basis()));
+  EXPECT_EQ(now["blocked"], "");
+  v1::Mask robot;
+  Set(RobotMask(1, 0, 0), &robot);
+  EXPECT_EQ(now["views"]["right"]["robot"], JsonText(robot));
+}
+
+TEST_F(PageTest, ShowsTheMapThatTheApiReturns) {
+  test.Publish(SceneWithBlock(2));
+  const json now = SeenOn(*page, "?x=0&y=1");
+  std::string expected;
+  std::map<std::string, int> counts;
+  for (int b = 0; b < 8; ++b) {
+    for (int a = 0; a < 5; ++a) {
+      const auto state = test.CheckOne(At(a, b)).state();
+      expected += state == v1::Verdict::STATE_FREE ? 'f' : 'o';
+      ++counts[state == v1::Verdict::STATE_FREE ? "free" : "occupied"];
+    }
+  }
+  counts["unknown"] = 0;
+  EXPECT_EQ(now["space"]["cells"], expected);
+  EXPECT_THAT(expected, testing::AllOf(testing::HasSubstr("f"), testing::HasSubstr("o")));
+  EXPECT_EQ(now["space"]["counts"], json(counts));
+  EXPECT_EQ(now["present"]["state"], "free");
+}
+
+TEST_F(PageTest, WithoutASceneAllIsUnknown) {
+  const json now = SeenOn(*page);
+  EXPECT_EQ(now["blocked"], "no scene");
+  EXPECT_EQ(now["valid_for"], 0);
+  EXPECT_TRUE(now["scene"].is_null());
+  EXPECT_TRUE(now["present"].is_null());
+  EXPECT_TRUE(now["space"]["cells"].is_null());
+  EXPECT_TRUE(now["space"]["counts"].is_null());
+}
+
+TEST_F(PageTest, AnOldSceneIsUnknownAndTheStopIsNoted) {
+  test.Publish(SceneWithBlock(2));
+  Looker before(*page, "", [](const json& event) { return event["stops"][0]["reason"] == ""; });
+  before.Wait();
+  EXPECT_EQ(before.event["now"]["present"]["state"], "free");
+  test.clock.Advance(absl::Seconds(2));
+  Looker looker(*page, "", [](const json& event) { return event["stops"].size() >= 3; });
+  looker.Wait();
+  const json& now = looker.event["now"];
+  EXPECT_EQ(now["blocked"], "scene stale");
+  EXPECT_EQ(now["present"]["state"], "unknown");
+  EXPECT_TRUE(now["space"]["cells"].is_null());
+  EXPECT_EQ(looker.event["stops"][0]["reason"], "scene stale");
+  EXPECT_EQ(looker.event["stops"][1]["reason"], "");
+  EXPECT_EQ(looker.event["stops"][2]["reason"], "no scene");
+}
+
+TEST_F(PageTest, AViewThatTheSceneLacksIsNotShown) {
+  SceneInput input = SceneWithBlock(2);
+  input.views.pop_back();
+  test.Publish(input);
+  const json now = SeenOn(*page);
+  EXPECT_EQ(now["scene"]["views"].size(), 2u);
+  EXPECT_TRUE(now["views"]["top"]["robot"].is_null());
+  EXPECT_FALSE(now["basis"]["defects"].empty() && now["scene"]["defects"].empty());
+}
+
+TEST_F(PageTest, AWatchedPathIsShownWithThePixelsThatConvictIt) {
+  test.Publish(SceneWithBlock(2));
+  v1::CheckPathRequest request;
+  for (const int a : {0, 4}) Set(At(a, 4), request.add_waypoints());
+  grpc::ClientContext context;
+  const auto reader = test.collision->WatchPath(&context, request);
+  v1::WatchPathResponse told;
+  ASSERT_TRUE(reader->Read(&told));
+  const json now = SeenOn(*page);
+  ASSERT_EQ(now["paths"].size(), 1u);
+  const json& path = now["paths"][0];
+  EXPECT_EQ(path["state"], "occupied");
+  EXPECT_EQ(path["check"], JsonText(told.check()));
+  v1::Mask block;
+  Set(Block(0, 2), &block);
+  EXPECT_EQ(path["why"]["left"]["convicts"], JsonText(block));
+  test.clock.Advance(absl::Seconds(2));
+  const json later = SeenOn(*page);
+  EXPECT_EQ(later["paths"][0]["state"], "unknown");
+  context.TryCancel();
+  reader->Finish();
+  EXPECT_TRUE(Soon([&] { return SeenOn(*page)["paths"].empty(); }));
+}
+
+TEST_F(PageTest, WhileNobodyLooksNothingIsMade) {
+  test.Publish(SceneWithBlock(2));
+  std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  EXPECT_EQ(page->snapshots(), 0u);
+  SeenOn(*page);
+  // Whoever left is noticed at the second event after it.
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  const uint64_t made = page->snapshots();
+  EXPECT_GE(made, 1u);
+  std::this_thread::sleep_for(std::chrono::milliseconds(700));
+  EXPECT_EQ(page->snapshots(), made);
+}
+
+TEST_F(PageTest, MakesAtMostTenSnapshotsASecond) {
+  Looker looker(*page, "", [](const json&) { return false; });
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+  while (std::chrono::steady_clock::now() < end) test.Publish(SceneWithBlock(2));
+  EXPECT_LE(page->snapshots(), 11u);
+  EXPECT_GE(page->snapshots(), 2u);
+}
+
+TEST_F(PageTest, StreamsAreBounded) {
+  const auto never = [](const json&) { return false; };
+  std::vector<std::unique_ptr<Looker>> lookers;
+  for (int i = 0; i < CellPage::kMostStreams; ++i) {
+    lookers.push_back(std::make_unique<Looker>(*page, "", never));
+    ASSERT_TRUE(Soon([&] { return lookers.back()->events > 0; }));
+  }
+  httplib::Client client("http://" + page->address());
+  EXPECT_EQ(client.Get("/events")->status, 503);
+  EXPECT_EQ(client.Get("/")->status, 200);
+  lookers.clear();
+  EXPECT_TRUE(Soon([&] {
+    Looker looker(*page, "", [](const json&) { return true; });
+    looker.Wait();
+    return looker.status == 200;
+  }));
+}
+
+TEST_F(PageTest, EndsWhileSomebodyLooks) {
+  Looker looker(*page, "", [](const json&) { return false; });
+  ASSERT_TRUE(Soon([&] { return looker.events > 0; }));
+  page.reset();
+  looker.Wait();
+}
+
+TEST_F(PageTest, NamesOfOthersAreRefusedAsHost) {
+  httplib::Client client("http://" + page->address());
+  const auto status = [&](const std::string& host) {
+    return client.Get("/", {{"Host", host}})->status;
+  };
+  for (const char* host : {"localhost", "localhost:8080", "127.0.0.1:1", "[::1]", "[::1]:80"}) {
+    EXPECT_EQ(status(host), 200) << host;
+  }
+  for (const char* host : {"evil.example", "evil.example:8080", "127.0.0.1.evil.example",
+                           "localhost.evil.example", "[::1", "127.0.0.1:80:80"}) {
+    EXPECT_EQ(status(host), 421) << host;
+  }
+}
+
+TEST_F(PageTest, OtherSitesAndOtherMethodsAreRefused) {
+  httplib::Client client("http://" + page->address());
+  EXPECT_EQ(client.Get("/events", {{"Sec-Fetch-Site", "cross-site"}})->status, 403);
+  EXPECT_EQ(client.Post("/", "x", "text/plain")->status, 404);
+  EXPECT_EQ(client.Get("/events?x=seven")->status, 400);
+}
+
+TEST_F(PageTest, OnlyItsOwnFilesRunInTheBrowser) {
+  httplib::Client client("http://" + page->address());
+  for (const char* path : {"/", "/page.js", "/page.css", "/nothing"}) {
+    const auto answer = client.Get(path);
+    EXPECT_THAT(answer->get_header_value("Content-Security-Policy"),
+                testing::AllOf(testing::HasSubstr("default-src 'none'"),
+                               testing::Not(testing::HasSubstr("unsafe"))));
+    EXPECT_EQ(answer->get_header_value("X-Content-Type-Options"), "nosniff");
+  }
+}
+
+TEST_F(PageTest, IsNotShownToOtherMachinesUnasked) {
+  Serving& serving = test.server->serving();
+  const auto refused = CellPage::Start("0.0.0.0:0", /*insecure=*/false, serving).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(refused.message()), testing::HasSubstr("--insecure"));
+  EXPECT_TRUE(CellPage::Start("0.0.0.0:0", /*insecure=*/true, serving).ok());
+  EXPECT_EQ(CellPage::Start("unix:/tmp/page", false, serving).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(CellPage::Start(page->address(), false, serving).status().code(),
+            absl::StatusCode::kFailedPrecondition);
+}
+
+TEST(SliceChoice, IsOfJointsAndSteps) {
+  const auto choice = SliceChoiceFrom("2", "", "3,,0");
+  ASSERT_TRUE(choice.ok());
+  EXPECT_EQ(choice->x, 2);
+  EXPECT_EQ(choice->y, 1);
+  EXPECT_THAT(choice->at, testing::ElementsAre(3, std::nullopt, 0));
+  for (const auto& [x, at] : {std::pair("-1", ""),
+                              {"7", ""},
+                              {"a", ""},
+                              {"", "-1"},
+                              {"", "x"},
+                              {"", "1,1,1,1,1,1,1,1"},
+                              {"", "99999999999"}}) {
+    EXPECT_FALSE(SliceChoiceFrom(x, "", at).ok()) << x << " " << at;
+  }
+}
+
+TEST_F(PageTest, WhatTheGridLacksIsReplaced) {
+  test.Publish(SceneWithBlock(2));
+  const json now = SeenOn(*page, "?x=5&y=6&at=99,99,99");
+  EXPECT_EQ(now["space"]["x"], 0);
+  EXPECT_EQ(now["space"]["y"], 1);
+  EXPECT_EQ(now["space"]["at"], json({4, 7}));
+  EXPECT_EQ(now["space"]["cells"].get<std::string>().size(), 40u);
+}
+
+}  // namespace
+}  // namespace silhouette
