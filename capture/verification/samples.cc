@@ -146,29 +146,31 @@ absl::StatusOr<Configuration> SampleDrive::Here() {
 }
 
 absl::Status SampleDrive::NoWayFrom(const Configuration& here) {
-  std::string why =
-      "no configuration was found to which the robot can go straight, within its limits and "
-      "'workspace', past itself and the forbidden regions";
+  std::string gaps;
+  bool touches = false;
   bool links_touch = false;
   for (const NarrowGap& gap : sampler_.NarrowGapsAt(here)) {
-    const bool touches = gap.width < kLeastKept;
-    links_touch = links_touch || (touches && gap.face < 0);
-    absl::StrAppend(&why, "\n  '", link_names_[gap.link], "' and ",
-                    gap.face < 0 ? absl::StrCat("'", link_names_[gap.other], "'")
-                                 : absl::StrCat("the ", gap.face < 3 ? "lower" : "upper",
-                                                " face of 'workspace' across ",
-                                                std::string(1, "xyz"[gap.face % 3])),
-                    touches ? " may touch: " : " are near: ",
-                    absl::StrFormat("%.1f mm apart by the model, %.1f mm are kept",
-                                    1000 * gap.width, 1000 * gap.kept));
+    const bool to_face = gap.face >= 0;
+    if (gap.width < kLeastKept) (to_face ? touches : links_touch) = true;
+    absl::StrAppend(
+        &gaps, "\n  '", link_names_[gap.link], "' and ",
+        to_face ? absl::StrCat("the ", gap.face < 3 ? "lower" : "upper",
+                               " face of 'workspace' across ", std::string(1, "xyz"[gap.face % 3]))
+                : absl::StrCat("'", link_names_[gap.other], "'"),
+        absl::StrFormat(": %.1f mm apart by the model, %.1f mm are kept", 1000 * gap.width,
+                        1000 * gap.kept));
   }
-  absl::StrAppend(&why, "\nmove the robot by hand");
-  if (links_touch) {
-    absl::StrAppend(&why,
-                    "; where links touch by the model and cannot on the robot, mend the model, or "
-                    "name them: --not-checked LINK OTHER_LINK");
-  }
-  return absl::FailedPreconditionError(why);
+  touches = touches || links_touch;
+  return absl::FailedPreconditionError(absl::StrCat(
+      touches ? absl::StrFormat("the robot is not driven from where it stands: by the model it is "
+                                "nearer than %.0f mm to itself or to a face of 'workspace'",
+                                1000 * kLeastKept)
+              : "no configuration was found to which the robot can go straight, within its limits "
+                "and 'workspace', past itself and the forbidden regions",
+      gaps, "\nmove the robot by hand",
+      links_touch ? "; where links touch by the model and cannot on the robot, mend the model, or "
+                    "name them: --not-checked LINK OTHER_LINK"
+                  : ""));
 }
 
 absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
