@@ -1,6 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // ModelSampler: configurations all over a robot's joint space, and whether it can go there
 // straight.
+//
+// A gap is what two links keep between them, or a link and a face of the workspace. Why no gap
+// closes on a way that the sampler permits, as far as the model without its tolerance holds the
+// robot:
+//
+// * Every gap is looked at, whatever was found at other configurations. No gap are links that no
+//   joint moves against each other, links that are next to each other with no more than one joint
+//   between them, whose limits keep them apart, and links that the operator names.
+// * The width of a gap is the distance of the links' convex parts, or less (HullDistance).
+// * A gap keeps the clearance. One that is narrow by the robot's construction keeps half of its
+//   median width if that is less, and at least kLeastKept. So links that are near each other at
+//   nearly all configurations still never touch at the others.
+// * Where the robot stands it touches nothing. If a gap is narrower there than what it keeps, the
+//   robot may leave: until it arrives at a configuration where all gaps are kept, that gap stays as
+//   wide as it was, to half a millimetre. Where a gap is narrower than kLeastKept, the model does
+//   not tell whether it closes: there is no way from there.
+// * A way is proven, not sampled: from a place where a gap is looked at, the next look comes before
+//   the joints can have closed it to half of what it keeps.
+// * Forbidden regions are compared with the whole box of joint values between two configurations.
+//
+// The proof holds for robots whose joints start and end a motion together.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -8,6 +29,7 @@
 #include <optional>
 #include <random>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "calib/robot/drawing/drawn_robot.h"
@@ -16,18 +38,31 @@
 
 namespace silhouette {
 
+// Metres. Robots agree with their data sheets to a millimetre or two.
+inline constexpr double kLeastKept = 0.003;
+
 struct SamplerSettings {
-  // Links that are no neighbours keep this distance, and all keep it from the workspace's faces:
-  // cables and hoses are not in the model. Metres.
+  // What gaps keep: cables and hoses are not in the model. Metres.
   double clearance = 0.08;
-  // The same of links with no more than two joints between them: wrists are built close.
+  // The same between links with no more than two joints between them: wrists are built close.
   double clearance_of_near = 0.02;
-  // Motions are looked at where no point of the robot moves farther than this, metres. Between two
-  // looks two parts come nearer to each other by no more: each is within half of it of a look. So
-  // with no more than the least clearance nothing touches.
-  double step = 0.02;
+  // What of the parts' radii is the model's tolerance (PartSettings). Gaps between links are
+  // without it, gaps to faces with it.
+  double tolerance = 0;
+  // Links that touch by the model, but cannot, as the operator knows: no gaps.
+  std::vector<std::pair<size_t, size_t>> not_checked = {};
   // Configurations that are tried until one can be reached.
   int most_tries = 20'000;
+};
+
+// A gap that is narrower than what it keeps.
+struct NarrowGap {
+  size_t link = 0;
+  size_t other = 0;  // the same: a face of the workspace
+  int face = -1;     // the lower ones across x, y and z, then the upper ones; -1: between links
+  // Metres. With 0 or less the links touch, or the link is beyond the face.
+  double width = 0;
+  double kept = 0;
 };
 
 // For one thread.
@@ -39,35 +74,53 @@ class ModelSampler {
   // std::invalid_argument if there is not a range for each joint.
   ModelSampler(const DrawnRobot& robot, std::span<const GridJoint> joints,
                const Eigen::AlignedBox3d& workspace, JointRegions forbidden,
-               const SamplerSettings& settings, uint64_t seed);
+               SamplerSettings settings, uint64_t seed);
 
-  // The next one, to which the way from `here` is clear; nothing if chance finds none.
+  // The next one, to which the way from `here`, where the robot stands, is clear; nothing if chance
+  // finds none.
   std::optional<Configuration> Next(const Configuration& here);
 
-  // Whether the robot touches neither itself nor the workspace's faces, with the clearance.
-  bool IsClear(std::span<const double> q);
-  // Whether it is so all along the straight motion, and no forbidden region is in the way.
-  bool IsClearWay(std::span<const double> from, std::span<const double> to);
+  // The narrowest first; none: the robot is clear of itself and the workspace's faces.
+  std::vector<NarrowGap> NarrowGapsAt(std::span<const double> q);
+  bool IsClear(std::span<const double> q) { return IsClear(q, gaps_); }
+  // Whether it is so all along the straight motion, and no forbidden region is in the way. No joint
+  // that turns without end makes half a turn: so it is the same motion for robots that take the
+  // shorter way round.
+  bool IsClearWay(std::span<const double> from, std::span<const double> to) {
+    return IsClearWay(from, to, gaps_);
+  }
 
  private:
-  // Two parts, and the distance that they keep.
-  struct PartPair {
-    size_t a = 0;
-    size_t b = 0;
-    double clearance = 0;
+  struct Gap {
+    size_t link = 0;
+    size_t other = 0;
+    int face = -1;
+    double kept = 0;
+    std::vector<std::pair<size_t, size_t>> parts;  // twice the same: to the face
+    // By joint, how much the gap closes at most, metres per radian or metre.
+    std::vector<double> levers;
   };
 
+  // The joints that move one link against the other.
+  std::vector<size_t> JointsBetween(size_t first, size_t second) const;
+  // Whether a link hangs on the other, or on links without a body that do.
+  bool IsNextTo(size_t link, size_t other) const;
+  void AddGapBetween(size_t link, size_t other);
+  void AddGapToFace(size_t link, int face);
+  void LearnWhatIsNarrow();
   Configuration Any();
-  // Of the joints between two links.
-  int JointsBetween(size_t first, size_t second) const;
-  // Whether two parts may be nearer than the clearance: by their balls, and by their points (E. G.
-  // Gilbert, An iterative procedure for computing the minimum of a quadratic form on a convex set,
-  // 1966).
-  bool BallsAreNear(const PartPair& pair) const;
-  bool AreNear(const PartPair& pair) const;
-  // Whether parts that are looked at are near each other; or, to learn, how often each pair is.
-  bool MeetsItself(bool learn);
-  void LearnPairs();
+  void Place(std::span<const double> q);
+  // Where the robot is placed; `enough` stands for that and all that is wider.
+  double Width(const Gap& gap, double enough) const;
+  bool BallsAreApart(size_t part, size_t other, double enough) const;
+  double PartsApart(size_t part, size_t other, double enough) const;
+  double WithinFace(size_t part, int face) const;
+  bool IsClear(std::span<const double> q, std::span<const Gap> gaps);
+  bool IsClearWay(std::span<const double> from, std::span<const double> to,
+                  std::span<const Gap> gaps);
+  bool Keeps(const Gap& gap, std::span<const double> from, std::span<const double> to);
+  // What the robot keeps on its way from where it stands; nothing: it must not leave.
+  std::optional<std::vector<Gap>> GapsFrom(std::span<const double> here);
 
   const DrawnRobot& robot_;
   const std::vector<GridJoint> joints_;
@@ -75,10 +128,9 @@ class ModelSampler {
   const JointRegions forbidden_;
   const SamplerSettings settings_;
   std::mt19937_64 random_;
-  std::vector<bool> moves_;                 // by part
-  std::vector<PartPair> pairs_;             // that may meet
+  std::vector<std::vector<size_t>> parts_;  // by link
   std::vector<std::vector<size_t>> balls_;  // by part
-  std::vector<int> met_;                    // by pair, while they are learnt
+  std::vector<Gap> gaps_;
   PlacedBalls placed_;
   std::vector<Eigen::Isometry3d> poses_;
 };

@@ -115,17 +115,25 @@ namespace {
 // Drives, and stops the robot if it cannot go on.
 class SampleDrive {
  public:
-  SampleDrive(SessionParts& parts, ModelSampler& sampler, const CaptureObserver& observer)
-      : parts_(parts), sampler_(sampler), visitor_(parts, observer.say), observer_(observer) {}
+  SampleDrive(SessionParts& parts, ModelSampler& sampler, std::span<const std::string> link_names,
+              const CaptureObserver& observer)
+      : parts_(parts),
+        sampler_(sampler),
+        link_names_(link_names),
+        visitor_(parts, observer.say),
+        observer_(observer) {}
 
   absl::Status Go(size_t count, std::vector<ModelSample>& samples);
 
  private:
   absl::Status VisitOne(const Configuration& place, std::vector<ModelSample>& samples);
   absl::StatusOr<Configuration> Here();
+  // Why the robot cannot leave.
+  absl::Status NoWayFrom(const Configuration& here);
 
   SessionParts& parts_;
   ModelSampler& sampler_;
+  const std::span<const std::string> link_names_;
   Visitor visitor_;
   const CaptureObserver& observer_;
   int misses_ = 0;
@@ -137,18 +145,39 @@ absl::StatusOr<Configuration> SampleDrive::Here() {
   return here;
 }
 
+absl::Status SampleDrive::NoWayFrom(const Configuration& here) {
+  std::string gaps;
+  bool touches = false;
+  bool links_touch = false;
+  for (const NarrowGap& gap : sampler_.NarrowGapsAt(here)) {
+    const bool to_face = gap.face >= 0;
+    if (gap.width < kLeastKept) (to_face ? touches : links_touch) = true;
+    absl::StrAppend(
+        &gaps, "\n  '", link_names_[gap.link], "' and ",
+        to_face ? absl::StrCat("the ", gap.face < 3 ? "lower" : "upper",
+                               " face of 'workspace' across ", std::string(1, "xyz"[gap.face % 3]))
+                : absl::StrCat("'", link_names_[gap.other], "'"),
+        absl::StrFormat(": %.1f mm apart by the model, %.1f mm are kept", 1000 * gap.width,
+                        1000 * gap.kept));
+  }
+  touches = touches || links_touch;
+  return absl::FailedPreconditionError(absl::StrCat(
+      touches ? absl::StrFormat("the robot is not driven from where it stands: by the model it is "
+                                "nearer than %.0f mm to itself or to a face of 'workspace'",
+                                1000 * kLeastKept)
+              : "no configuration was found to which the robot can go straight, within its limits "
+                "and 'workspace', past itself and the forbidden regions",
+      gaps, "\nmove the robot by hand",
+      links_touch ? "; where links touch by the model and cannot on the robot, mend the model, or "
+                    "name them: --not-checked LINK OTHER_LINK"
+                  : ""));
+}
+
 absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
   while (samples.size() < count && !observer_.stop_requested()) {
     ASSIGN_OR_RETURN(const Configuration here, Here());
     const std::optional<Configuration> next = sampler_.Next(here);
-    if (!next) {
-      return absl::FailedPreconditionError(absl::StrCat(
-          sampler_.IsClear(here) ? ""
-                                 : "the robot stands too near to itself or to a face of the "
-                                   "workspace; move it by hand: ",
-          "no configuration was found to which the robot can go straight, within its limits and "
-          "'workspace', past itself and the forbidden regions"));
-    }
+    if (!next) return NoWayFrom(here);
     RETURN_IF_ERROR(VisitOne(*next, samples));
     observer_.progress(samples.size());
   }
@@ -172,10 +201,11 @@ absl::Status SampleDrive::VisitOne(const Configuration& place, std::vector<Model
 }  // namespace
 
 absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
+                                                     std::span<const std::string> link_names,
                                                      size_t count,
                                                      const CaptureObserver& observer) {
   std::vector<ModelSample> samples;
-  absl::Status status = SampleDrive(parts, sampler, observer).Go(count, samples);
+  absl::Status status = SampleDrive(parts, sampler, link_names, observer).Go(count, samples);
   if (status.ok()) return samples;
   const absl::Status stopped = parts.robot.Stop();
   if (!stopped.ok()) {

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -27,10 +29,11 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
 
 // Drives the robot to `count` configurations, straight from one to the next, and makes its masks as
 // a capture does. Fewer: a stop was requested. `parts.travel` is of the database's grid, which has
-// the joints of the sampler's robot. FailedPrecondition: the robot stands where the sampler finds
-// no way, or there is none to go on. Aborted: it misses three places in a row. Errors of devices;
-// the robot is stopped then.
+// the joints of the sampler's robot; `link_names`: of its links, for messages. FailedPrecondition:
+// the robot stands where the sampler finds no way; what is too near to what is named. Aborted: it
+// misses three places in a row. Errors of devices; the robot is stopped then.
 absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
+                                                     std::span<const std::string> link_names,
                                                      size_t count, const CaptureObserver& observer);
 
 }  // namespace silhouette

@@ -7,11 +7,13 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/files/calibration_message.h"
 #include "calib/robot/drawn_digest.h"
@@ -40,6 +42,7 @@ struct VerifyModelOptions {
   std::string captured;  // empty: the robot is driven
   std::string picture;   // empty: beside the database
   uint64_t seed = 1;
+  std::vector<std::pair<std::string, std::string>> not_checked;
 };
 
 // What is compared.
@@ -83,6 +86,24 @@ absl::StatusOr<ModelOfCell> ModelOf(const VerifyModelOptions& options, const Cel
                      std::move(views)};
 }
 
+absl::StatusOr<std::vector<std::pair<size_t, size_t>>> NotChecked(const VerifyModelOptions& options,
+                                                                  const ModelOfCell& model) {
+  const auto index = [&](const std::string& name) -> absl::StatusOr<size_t> {
+    const auto found = std::ranges::find(model.links, name);
+    if (found != model.links.end()) return static_cast<size_t>(found - model.links.begin());
+    return absl::InvalidArgumentError(absl::StrCat("--not-checked: the robot has no link '", name,
+                                                   "'; its links are '",
+                                                   absl::StrJoin(model.links, "', '"), "'"));
+  };
+  std::vector<std::pair<size_t, size_t>> pairs;
+  for (const auto& [first, second] : options.not_checked) {
+    ASSIGN_OR_RETURN(const size_t a, index(first));
+    ASSIGN_OR_RETURN(const size_t b, index(second));
+    pairs.emplace_back(a, b);
+  }
+  return pairs;
+}
+
 // By driving the robot.
 absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions& options,
                                                        const CellFile& file,
@@ -94,6 +115,8 @@ absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions&
         "configurations by chance: floor, walls and what stands about it are not in its model; or "
         "compare with captured images: --captured DATABASE"));
   }
+  SamplerSettings settings{.tolerance = model.cell.parts.tolerance};
+  ASSIGN_OR_RETURN(settings.not_checked, NotChecked(options, model));
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
   ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.variant));
   const storage::v1::CellDescription& cell = model.database->cell();
@@ -114,14 +137,14 @@ absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions&
                      .settings = file.cell.capture,
                      .segmentation = file.cell.segmentation};
   ModelSampler sampler(model.bare, travel.grid().joints(), *file.cell.workspace,
-                       model.cell.forbidden, {}, options.seed);
+                       model.cell.forbidden, settings, options.seed);
   std::optional<Progress> progress;
   progress.emplace("images", options.sample, "configurations");
   CaptureObserver observer;
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  return TakeSamples(parts, sampler, options.sample, observer);
+  return TakeSamples(parts, sampler, model.links, options.sample, observer);
 }
 
 absl::StatusOr<std::vector<ModelSample>> StoredSamples(const VerifyModelOptions& options,
@@ -353,6 +376,10 @@ void AddVerifyModel(CLI::App& app, Work& work) {
                       "PNG of the worst masks; default: beside the database (.verification.png)");
   command->add_option("--seed", options->seed, "Of the choice of configurations")
       ->capture_default_str();
+  command->add_option(
+      "--not-checked", options->not_checked,
+      "Two links that touch by the model, but cannot on the robot: their distance is not checked\n"
+      "while the robot is driven. Repeat for more pairs");
   command->callback([options, &work] { work = [options] { return VerifyModelRun(*options); }; });
 }
 

@@ -3,9 +3,11 @@
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <random>
 
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
+#include "tests/random.h"
 #include "tests/server/drawn_cell.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/service/watching.h"
@@ -16,9 +18,10 @@ namespace {
 using ::testing::HasSubstr;
 
 std::shared_ptr<const ServedDatabase> DrawnDatabase(
-    const std::shared_ptr<const RobotModel>& model) {
+    const std::shared_ptr<const RobotModel>& model,
+    const storage::v1::CellDescription& cell = DrawnCellDescription()) {
   const std::filesystem::path folder = FreshFolder();
-  const auto created = Database::Create(folder / "db", DrawnCellDescription());
+  const auto created = Database::Create(folder / "db", cell);
   EXPECT_TRUE(created.ok()) << created.status();
   auto served = ServedDatabase::Load(
       **created, {.margin = 0}, {}, std::nullopt,
@@ -224,6 +227,68 @@ TEST_F(DrawnServiceTest, ObstaclesAreRefusedWherePlanesDoNotDecide) {
   EXPECT_THAT(status.error_message(), HasSubstr("'uncalibrated' or 'paper'"));
   request.set_obstacles(false);
   EXPECT_TRUE(SpaceWatching(server, request).Next().first.whole());
+}
+
+// The slide at the tip is the wrist.
+TEST(ArmNodesService, NodesOfTheMapAgreeWithChecksOfAnyWrist) {
+  storage::v1::CellDescription cell = DrawnCellDescription();
+  cell.mutable_grid_joints(0)->set_steps(30);
+  cell.mutable_grid_joints(1)->set_steps(20);
+  cell.clear_fixed_joints();
+  storage::v1::GridJoint& reach = *cell.add_grid_joints();
+  reach.set_name("reach");
+  reach.set_upper(0.2);
+  reach.set_steps(1);
+  const auto database = DrawnDatabase(std::make_shared<const RobotModel>(DrawnModel()), cell);
+  const ConfigurationGrid& grid = database->grid();
+  TestServer server{database};
+  server.Publish(DrawnSceneInput(*database->robot_images().drawn(), {2, 0, 0.1},
+                                 {{{0.6, 0, 0.8}, 0.05}, {{-0.3, -0.7, 0.9}, 0.1}}));
+  const auto messages = server.Space();
+  ASSERT_EQ(messages.size(), 1u);
+  ASSERT_EQ(messages[0].tiles_size(), 1) << "600 nodes";
+
+  Random random;
+  const auto between = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  constexpr int kWrists = 8;
+  size_t free = 0;
+  size_t occupied = 0;
+  size_t depend = 0;
+  for (int turn = 0; turn < 30; ++turn) {
+    for (int lift = 0; lift < 20; ++lift) {
+      const ConfigurationNumber node = grid.NumberOf({turn, lift, 0});
+      const auto bit = [&](const std::string& bits) {
+        return (bits.at(node / 8) >> (node % 8) & 1) != 0;
+      };
+      const bool is_free = bit(messages[0].tiles(0).free());
+      const bool is_occupied = bit(messages[0].tiles(0).occupied());
+      ASSERT_FALSE(is_free && is_occupied);
+      const auto looked_up = server.CheckNumbers({static_cast<uint32_t>(node)});
+      EXPECT_EQ(looked_up.free()[0] & 1, is_free);
+      EXPECT_EQ(looked_up.occupied()[0] & 1, is_occupied);
+      std::vector<Configuration> places;
+      for (int i = 0; i < kWrists; ++i) {
+        Configuration& q = places.emplace_back(grid.At(node));
+        q[2] = between(0, 0.2);
+        // Free holds in the whole cell.
+        if (is_free) q[0] += between(-0.49, 0.49) * grid.joints()[0].step();
+      }
+      int free_wrists = 0;
+      for (const v1::Verdict& verdict : server.Check(places).verdicts()) {
+        if (verdict.state() == v1::Verdict::STATE_FREE) ++free_wrists;
+        EXPECT_TRUE(!is_occupied || verdict.state() == v1::Verdict::STATE_OCCUPIED);
+      }
+      EXPECT_TRUE(!is_free || free_wrists == kWrists);
+      free += is_free;
+      occupied += is_occupied;
+      depend += !is_free && !is_occupied && free_wrists > 0 && free_wrists < kWrists;
+    }
+  }
+  EXPECT_GT(free, 100u);
+  EXPECT_GT(occupied, 20u);
+  EXPECT_GT(depend, 5u) << "what depends on the wrist";
 }
 
 TEST(CapturedService, SendsItsMapToThoseWhoAskForObstacles) {

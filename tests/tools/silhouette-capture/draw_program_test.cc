@@ -72,6 +72,35 @@ TEST_F(DrawProgram, DrawsTheGridWithCalibrationReferencesAndIndex) {
   EXPECT_EQ(nlohmann::json::parse(Draw().out)["kept"], 18000);
 }
 
+// Both images of a node are records of their own.
+TEST_F(DrawProgram, DrawsOwnAndReachImagesOfTheNodesOfAnArm) {
+  const std::string wrist = "    - {name: joint_5, lower: -60 deg, upper: 60 deg}\n";
+  cell_.WriteCell({{"  joints:\n", "  images: {drawn: {arm_joints: 2}}\n  joints:\n"},
+                   {"  fixed: {", wrist + "  fixed: {"},
+                   {" joint_5: 20 deg,", ""},
+                   {"{joint_1: 9, joint_3: 5}", "{joint_1: 30, joint_3: 20}"}});
+  MakeBase();
+  const Outcome drawn = Draw();
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  const auto json = nlohmann::json::parse(drawn.out);
+  EXPECT_EQ(json["configurations"], 1200) << drawn.out;
+  EXPECT_EQ(json["drawn"], 1200);
+  const auto database = *Database::Open(cell_.database(), Database::Access::kRead);
+  const auto own = *(*database->OpenVariant("own"))->Read();
+  const auto reach = *(*database->OpenVariant("reach"))->Read();
+  EXPECT_EQ(own.size(), 600u);
+  EXPECT_EQ(reach.size(), 600u);
+  for (int turn = 0; turn < 30; ++turn) {
+    const ConfigurationNumber node = database->grid().NumberOf({turn, turn / 2, 0});
+    for (size_t view = 0; view < 2; ++view) {
+      const Mask touched = own.Find(node)->masks[view];
+      EXPECT_GT(touched.Count(), 0);
+      EXPECT_EQ((touched - reach.Find(node)->masks[view]).Count(), 0);
+    }
+  }
+  EXPECT_EQ(nlohmann::json::parse(Draw().out)["kept"], 1200);
+}
+
 TEST_F(DrawProgram, LosesNothingThatWasCommittedWhenItIsKilled) {
   MakeBase();
   const pid_t child = cell_.Start(

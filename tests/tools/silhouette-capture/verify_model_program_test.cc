@@ -13,6 +13,7 @@
 namespace silhouette {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -127,6 +128,13 @@ TEST_F(VerifyModelProgram, WhatIsMissingIsNamedWithItsMend) {
   EXPECT_THAT(mistake("drawn.yaml", {"--captured", cell_ / "none.lmdb"}), HasSubstr("none.lmdb"));
   Write("anywhere.yaml", "  images: drawn\n", "");
   EXPECT_THAT(mistake("anywhere.yaml", {}), HasSubstr("state 'workspace'"));
+  EXPECT_THAT(mistake("drawn.yaml", {"--not-checked", "wrist", "elbo"}),
+              HasSubstr("the robot has no link 'elbo'; its links are 'base'"));
+  Write("low.yaml", "  images: drawn\n",
+        "workspace: {lower: [-1.9, -1.9, 0], upper: [1.9, 1.9, 1]}\n");
+  EXPECT_THAT(mistake("low.yaml", {}),
+              AllOf(HasSubstr("and the upper face of 'workspace' across z: -"),
+                    HasSubstr("move the robot by hand")));
   EXPECT_FALSE(IsVerified());
 }
 
