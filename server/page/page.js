@@ -49,7 +49,8 @@ const duration = (s) => Number.isNaN(s) ? "–" : s < 1 ? `${Math.round(s * 1000
 const count = (n) => Number(n).toLocaleString("en").replaceAll(",", "\u202f");
 const reason = (name) => name.replace(/^REASON_/, "").toLowerCase().replaceAll("_", " ");
 // Joints are radians or metres; the grid does not say which.
-const value = (v) => `${v.toFixed(3)} (${(v * 180 / Math.PI).toFixed(1)}°)`;
+const value = (v) => v.toFixed(3);
+const UNIT = "rad or m";
 
 function heard(event) {
   const { stops: newest, now } = JSON.parse(event.data);
@@ -278,14 +279,14 @@ function scaled(canvas, width, height) {
 function ticks(context, jx, px, py, width, height, jy) {
   context.fillStyle = "#222";
   context.textBaseline = "top";
-  const label = (v) => `${(v * 180 / Math.PI).toFixed(0)}°`;
+  const label = (v) => v.toFixed(2);
   for (const part of [0, 0.5, 1]) {
     const v = jx.lower + part * (jx.upper - jx.lower);
     context.textAlign = part === 0 ? "left" : part === 1 ? "right" : "center";
     context.fillText(label(v), Math.min(width, Math.max(0, px(v))), height + 6);
   }
   context.textAlign = "center";
-  context.fillText(jx.name, width / 2, height + 24);
+  context.fillText(`${jx.name}, ${UNIT}`, width / 2, height + 24);
   if (!jy) return;
   context.textAlign = "right";
   for (const part of [0, 0.5, 1]) {
@@ -298,7 +299,7 @@ function ticks(context, jx, px, py, width, height, jy) {
   context.rotate(-Math.PI / 2);
   context.textAlign = "center";
   context.textBaseline = "top";
-  context.fillText(jy.name, 0, 0);
+  context.fillText(`${jy.name}, ${UNIT}`, 0, 0);
   context.restore();
 }
 
@@ -356,7 +357,7 @@ function drawControls(shown) {
     const joint = joints[j];
     if (document.activeElement !== range || $("follow").checked) range.value = space.at[j];
     const step = (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
-    text(range.nextSibling, `${((joint.lower + step * range.value) * 180 / Math.PI).toFixed(1)}°`);
+    text(range.nextSibling, `${value(joint.lower + step * range.value)} ${UNIT}`);
   }
 }
 

@@ -276,7 +276,8 @@ TEST(ArmNodesService, NodesOfTheMapAgreeWithChecksOfAnyWrist) {
         if (is_free) q[0] += between(-0.49, 0.49) * grid.joints()[0].step();
       }
       int free_wrists = 0;
-      for (const v1::Verdict& verdict : server.Check(places).verdicts()) {
+      const auto response = server.Check(places);
+      for (const v1::Verdict& verdict : response.verdicts()) {
         if (verdict.state() == v1::Verdict::STATE_FREE) ++free_wrists;
         EXPECT_TRUE(!is_occupied || verdict.state() == v1::Verdict::STATE_OCCUPIED);
       }

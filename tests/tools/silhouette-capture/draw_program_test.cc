@@ -93,9 +93,9 @@ TEST_F(DrawProgram, DrawsOwnAndReachImagesOfTheNodesOfAnArm) {
   for (int turn = 0; turn < 30; ++turn) {
     const ConfigurationNumber node = database->grid().NumberOf({turn, turn / 2, 0});
     for (size_t view = 0; view < 2; ++view) {
-      const Mask touched = own.Find(node)->masks[view];
+      const Mask touched = own.Find(node)->value().masks[view];
       EXPECT_GT(touched.Count(), 0);
-      EXPECT_EQ((touched - reach.Find(node)->masks[view]).Count(), 0);
+      EXPECT_EQ((touched - reach.Find(node)->value().masks[view]).Count(), 0);
     }
   }
   EXPECT_EQ(nlohmann::json::parse(Draw().out)["kept"], 1200);

@@ -106,9 +106,9 @@ TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWron
 
 TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   MakeDrawn();
-  const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "40"});
+  const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "80"});
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err << outcome.out;
-  EXPECT_THAT(outcome.out, HasSubstr("compared           40 configurations, 2 views"));
+  EXPECT_THAT(outcome.out, HasSubstr("compared           80 configurations, 2 views"));
   EXPECT_THAT(outcome.out, HasSubstr("the model is verified"));
   EXPECT_TRUE(IsVerified());
 }
