@@ -33,7 +33,7 @@ TEST(SoundCell, VoxelsAreAnEighthOfTheLeastObstacleUnlessThatAreTooMany) {
 TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfiguration) {
   size_t touching = 0;
   size_t free[2] = {0, 0};
-  for (int scene = 0; scene < SampleCount(8); ++scene) {
+  for (int scene = 0; scene < 8; ++scene) {
     const Configuration now = Any();
     const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
     const Served served = ServedScene(InputOf(now, balls));
@@ -49,15 +49,15 @@ TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfi
       }
     }
   }
-  RecordProperty("free_under_sound_planes", static_cast<int>(free[0]));
-  RecordProperty("free_under_sound", static_cast<int>(free[1]));
-  EXPECT_GT(touching, static_cast<size_t>(SampleCount(30)));
-  EXPECT_GT(free[1], static_cast<size_t>(SampleCount(200)));
+  RecordProperty("free_of_800_under_sound_planes", static_cast<int>(free[0]));
+  RecordProperty("free_of_800_under_sound", static_cast<int>(free[1]));
+  EXPECT_GT(touching, 30u);
+  EXPECT_GT(free[1], 200u);
 }
 
 TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
   size_t free = 0;
-  for (int scene = 0; scene < SampleCount(6); ++scene) {
+  for (int scene = 0; scene < 6; ++scene) {
     const Configuration now = Any();
     const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
     const Checker checker = CheckerOf(InputOf(now, balls), {.preset = Preset::kSound});
@@ -76,14 +76,14 @@ TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
       }
     }
   }
-  EXPECT_GT(free, static_cast<size_t>(SampleCount(10)));
+  EXPECT_GT(free, 10u);
 }
 
 TEST_F(DrawnSoundTest, UnderSoundMotionThatIsOnlySampledIsUnknown) {
   size_t unproven = 0;
   size_t proven_finer = 0;
   for (const Preset preset : {Preset::kSoundPlanes, Preset::kSound}) {
-    for (int scene = 0; scene < SampleCount(6); ++scene) {
+    for (int scene = 0; scene < 6; ++scene) {
       const Configuration now = Any();
       const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
       const Checker checker = CheckerOf(InputOf(now, balls), {.preset = preset});
@@ -106,13 +106,13 @@ TEST_F(DrawnSoundTest, UnderSoundMotionThatIsOnlySampledIsUnknown) {
       }
     }
   }
-  EXPECT_GE(unproven, static_cast<size_t>(SampleCount(6)));
+  EXPECT_GT(unproven, 5u);
   EXPECT_GT(proven_finer, 0u);
 }
 
 TEST_F(DrawnSoundTest, MotionIsNotFreeForItsEndsAndMiddleAlone) {
   size_t met = 0;
-  for (int scene = 0; scene < SampleCount(6); ++scene) {
+  for (int scene = 0; scene < 6; ++scene) {
     const Configuration now = Any();
     const std::vector<DrawnCellBall> balls = SomeBalls(now, 0.09);
     const Checker checker = CheckerOf(InputOf(now, balls), {.preset = Preset::kSound});
@@ -132,7 +132,7 @@ TEST_F(DrawnSoundTest, MotionIsNotFreeForItsEndsAndMiddleAlone) {
           checker.CheckPath(path, {}, nullptr, nullptr, {.resolution = 0.05}).verdict.free());
     }
   }
-  EXPECT_GE(met, static_cast<size_t>(SampleCount(4)));
+  EXPECT_GT(met, 3u);
 }
 
 TEST_F(DrawnSoundTest, EveryPresetAnswersAtAnyConfigurationAndExplains) {
