@@ -100,7 +100,7 @@ class Changes final : public Watcher {
     std::string message;
   };
 
-  // With the mutex held, or nobody else about.
+  // The caller holds the mutex, or is the constructor.
   void NoteStop() {
     const Moment now = serving_.settings.clock();
     const Served served = serving_.scenes.Newest(now);
@@ -120,7 +120,7 @@ class Changes final : public Watcher {
   std::deque<Stop> stops_;
 };
 
-// At most so many connections: further ones wait in the system's queue.
+// Serves at most kMostConnections at a time; further ones wait in the backlog of the socket.
 class BoundedThreads final : public httplib::TaskQueue {
  public:
   BoundedThreads() : threads_(CellPage::kMostConnections) {}

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The page for whoever stands beside the cell (docs/page.md): read-only, over HTTP.
+// The operator's page in the browser (docs/page.md): read-only, over HTTP.
 #pragma once
 
 #include <cstdint>
@@ -11,12 +11,12 @@
 
 namespace silhouette {
 
-// Has threads of its own, which give way to all others. Requests must name a numeric address or
-// localhost as their host, so that no foreign site can be rebound to it. As long as nobody looks it
-// makes nothing.
+// Serves in threads of its own, at a lower priority than all others. Requests must name a numeric
+// address or localhost as their host, against DNS rebinding. Without an open event stream it makes
+// no snapshots.
 class CellPage {
  public:
-  // At most so many see the page at a time, each at most every 0.1 s.
+  // The most event streams at a time. Each has at most ten events a second.
   static constexpr int kMostStreams = 4;
   // Further connections wait. More than kMostStreams, for the files of the page.
   static constexpr int kMostConnections = 12;

@@ -35,7 +35,7 @@ inline nlohmann::json JsonText(const google::protobuf::Message& message) {
   return nlohmann::json::parse(text);
 }
 
-// Looks at a page until it is told not to, or `enough` returns true of an event.
+// Reads the events of a page until Stop(), or until `enough` returns true for one.
 class Looker {
  public:
   // Then it gives up.

@@ -123,7 +123,7 @@ TEST_F(PageTest, WhileNobodyLooksNothingIsMade) {
   std::this_thread::sleep_for(std::chrono::milliseconds(700));
   EXPECT_EQ(page->snapshots(), 0u);
   SeenOn(*page);
-  // Whoever left is noticed at the second event after it.
+  // The server notices a closed connection at the second event after it.
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
   const uint64_t made = page->snapshots();
   EXPECT_GE(made, 1u);
