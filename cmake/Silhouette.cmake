@@ -16,10 +16,12 @@ endif()
 target_include_directories(silhouette_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_link_libraries(silhouette_options INTERFACE Threads::Threads)
 
-# What was compiled before, in this or another tree, is not compiled again.
+# What was compiled before, in this or another clone, is not compiled again: no object names the clone's place.
+target_compile_options(silhouette_options INTERFACE -ffile-prefix-map=${PROJECT_SOURCE_DIR}/=)
 find_program(CCACHE ccache)
 if(CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
+  set(CMAKE_CXX_COMPILER_LAUNCHER
+    ${CMAKE_COMMAND} -E env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR} CCACHE_NOHASHDIR=1 ${CCACHE})
 endif()
 # gold links in a fifth of the default linker's time. (lld 14 is faster still, but with it some exceptions of GCC 12's
 # unity builds abort the program while they unwind.)
@@ -174,13 +176,9 @@ function(silhouette_tests)
   set_target_properties(${test} PROPERTIES
     RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests UNITY_BUILD_BATCH_SIZE 0)
   target_link_libraries(${test} PRIVATE
-    ${arg_LIBRARIES} GTest::gmock GTest::gtest GTest::gtest_main silhouette_options)
+    ${arg_LIBRARIES} silhouette_test_folders GTest::gmock GTest::gtest GTest::gtest_main silhouette_options)
   # Half the time to compile; the product's sources keep the optimisation that is tested.
   target_compile_options(${test} PRIVATE -Og)
-  target_compile_definitions(${test} PRIVATE
-    SILHOUETTE_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
-    SILHOUETTE_BUILD_DIR="${PROJECT_BINARY_DIR}"
-    SILHOUETTE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(arg_DEPENDS)
     add_dependencies(${test} ${arg_DEPENDS})
   endif()

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -59,7 +60,7 @@ class ProgramTest : public testing::Test {
   explicit ProgramTest(std::string program) : program_(std::move(program)) {}
 
   Ended Run(const std::string& arguments) const {
-    return shell_.Run(SILHOUETTE_BIN_DIR "/" + program_ + " " + arguments);
+    return shell_.Run(ProgramFolder() + "/" + program_ + " " + arguments);
   }
   void Write(const std::string& name, const std::string& text) const {
     WriteFile(folder_ / name, text);

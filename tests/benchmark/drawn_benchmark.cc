@@ -25,6 +25,7 @@
 #include "calib/robot/drawing/motion_check.h"
 #include "calib/robot/parts.h"
 #include "calib/robot/robot_model.h"
+#include "tests/folders.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -96,8 +97,7 @@ Obstacle MakeObstacle(Thing thing, DrawnRandom& random) {
 }
 
 RobotModel DrawnModel() {
-  return RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
-      .value();
+  return RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value();
 }
 
 struct DrawnBench {

@@ -13,6 +13,7 @@
 #include "calib/robot/drawn_cell.h"
 #include "calib/robot/robot_model.h"
 #include "server/collision/separation.h"
+#include "tests/folders.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -46,8 +47,7 @@ VoxelSet Somebody() {
 // What the cameras see of it does not matter.
 std::shared_ptr<const DrawnRobot> Rx130() {
   const auto model = std::make_shared<const RobotModel>(
-      RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
-          .value());
+      RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value());
   std::vector<std::string> moving;
   for (const RobotJoint& joint : model->joints()) moving.push_back(joint.name);
   Calibration calibration;

@@ -10,6 +10,7 @@
 #include <sstream>
 #include <string>
 
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -18,7 +19,7 @@ namespace {
 using Json = nlohmann::json;
 using ::testing::HasSubstr;
 
-const std::string kSource = SILHOUETTE_SOURCE_DIR;
+const std::string kSource = SourceFolder();
 
 Json Table() { return Json::parse(ContentOf(kSource + "/tests/benchmark/rows.json")); }
 
@@ -57,7 +58,7 @@ TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
 }
 
 TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
-  const Ended listed = Shell().Run(SILHOUETTE_BIN_DIR "/silhouette-bench --benchmark_list_tests");
+  const Ended listed = Shell().Run(ProgramFolder() + "/silhouette-bench --benchmark_list_tests");
   ASSERT_EQ(listed.exit_code, 0);
   std::set<std::string> benchmarks;
   std::istringstream lines(listed.out);

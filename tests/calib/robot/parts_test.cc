@@ -16,6 +16,7 @@
 #include "calib/robot/mesh_parts.h"
 #include "tests/calib/robot/drawing/random_views.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/folders.h"
 #include "tests/random.h"
 
 namespace silhouette {
@@ -297,8 +298,7 @@ TEST(RobotParts, NothingOfAStrangeMeshIsLostAndWhatIsCertainIsInIt) {
 
 TEST(RobotParts, PartsRoundAboutTheirAxisMoveWithTheLinkBefore) {
   const auto robot =
-      RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
-          .value();
+      RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value();
   const auto parts = RobotParts::Of(robot, {});
   ASSERT_TRUE(parts.ok()) << parts.status();
   EXPECT_EQ(parts->parts().size(), 18u);

@@ -20,6 +20,7 @@
 #include "capture/sim/served/network_cameras.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 #include "tests/capture/drivers/served_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -207,7 +208,7 @@ TEST(CameraDriver, WhatIsNoImageIsTold) {
 
 TEST(CameraDriver, ExampleInPythonIsOne) {
   const std::string folder = FreshFolder().string();
-  const std::string source = SILHOUETTE_SOURCE_DIR;
+  const std::string source = SourceFolder();
   cv::imwrite(folder + "/top.png", cv::Mat(2, 4, CV_8UC1, cv::Scalar(7)));
   const std::string generate =
       absl::StrCat("protoc -I ", source, "/proto --python_out=", folder, " --grpc_out=", folder,

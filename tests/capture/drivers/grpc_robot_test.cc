@@ -22,6 +22,7 @@
 #include "capture/sim/served/simulated_controller.h"
 #include "tests/capture/drivers/robot_places.h"
 #include "tests/capture/sim/small_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -119,8 +120,7 @@ class PythonDriver {
   PythonDriver() {
     int out[2];
     if (pipe(out) != 0) return;
-    const std::string program =
-        std::string(SILHOUETTE_SOURCE_DIR) + "/clients/drivers/python/robot_driver.py";
+    const std::string program = SourceFolder() + "/clients/drivers/python/robot_driver.py";
     child_ = fork();
     if (child_ == 0) {
       dup2(out[1], STDOUT_FILENO);

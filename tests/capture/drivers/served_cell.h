@@ -13,6 +13,7 @@
 
 #include "capture/sim/served/served_views.h"
 #include "capture/sim/simulated_cell.h"
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
@@ -42,8 +43,7 @@ class ServedCell : public testing::Test {
             "         field_of_view: 50 deg"
          << of_camera << "room: {lower: [-6, -6, 0], upper: [6, 6, 6]" << of_room << "noise: 0\n";
     text.close();
-    auto cell = SimulatedCell::Load(
-        file, std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf", {});
+    auto cell = SimulatedCell::Load(file, SourceFolder() + "/capture/sim/robots/rx130.urdf", {});
     EXPECT_TRUE(cell.ok()) << cell.status();
     cell_ = *std::move(cell);
     std::vector<SimulatedView> views;

@@ -19,6 +19,7 @@
 #include "absl/time/clock.h"
 #include "db/store/store.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 
@@ -36,7 +37,7 @@ inline void WriteText(const std::string& path, const std::string& text) {
 // This process goes on as the program with these arguments.
 [[noreturn]] inline void Become(const std::string& program,
                                 const std::vector<std::string>& arguments) {
-  std::vector<std::string> words = {std::string(SILHOUETTE_BIN_DIR) + "/" + program};
+  std::vector<std::string> words = {ProgramFolder() + "/" + program};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
@@ -73,7 +74,7 @@ class ProgramCell {
         "robot:\n"
         "  driver: sim\n"
         "  urdf: ",
-        SILHOUETTE_SOURCE_DIR,
+        SourceFolder(),
         "/capture/sim/robots/rx130.urdf\n"
         "  joints:\n"
         "    - {name: joint_1, lower: -150 deg, upper: 150 deg}\n"

@@ -6,12 +6,13 @@
 
 #include "capture/sim/contact.h"
 #include "capture/sim/simulated_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-const std::string kFolder = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/";
+const std::string kFolder = SourceFolder() + "/capture/sim/";
 
 class DemoCell : public testing::Test {
  protected:

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tests/clients/cpp/fake_server.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -16,12 +17,12 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 const std::string kInstall =
-    SILHOUETTE_CMAKE " --install " SILHOUETTE_BUILD_DIR " --component client --prefix prefix";
+    SILHOUETTE_CMAKE " --install " + BuildFolder() + " --component client --prefix prefix";
 const std::string kConfigure =
-    SILHOUETTE_CMAKE " -G Ninja -S " SILHOUETTE_SOURCE_DIR
-                     "/clients/cpp/example -B build -DCMAKE_BUILD_TYPE=Debug "
-                     "-DCMAKE_PREFIX_PATH=$PWD/prefix -DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
-                     " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'";
+    SILHOUETTE_CMAKE " -G Ninja -S " + SourceFolder() +
+    "/clients/cpp/example -B build -DCMAKE_BUILD_TYPE=Debug "
+    "-DCMAKE_PREFIX_PATH=$PWD/prefix -DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
+    " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'";
 const std::string kBuild = SILHOUETTE_CMAKE " --build build";
 
 TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {

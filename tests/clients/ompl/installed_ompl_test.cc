@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "tests/folders.h"
 #include "tests/server/service/test_server.h"
 #include "tests/shell.h"
 
@@ -14,13 +15,11 @@ namespace {
 TEST(InstalledOmpl, PlansInAProjectOfItsOwn) {
   const Shell shell;
   for (const std::string& command :
-       {std::string(SILHOUETTE_CMAKE " --install " SILHOUETTE_BUILD_DIR
-                                     " --component client --prefix prefix"),
-        std::string(SILHOUETTE_CMAKE " -G Ninja -S " SILHOUETTE_SOURCE_DIR
-                                     "/clients/ompl/example -B build -DCMAKE_BUILD_TYPE=Debug "
-                                     "-DCMAKE_PREFIX_PATH=$PWD/prefix "
-                                     "-DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
-                                     " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'"),
+       {SILHOUETTE_CMAKE " --install " + BuildFolder() + " --component client --prefix prefix",
+        SILHOUETTE_CMAKE " -G Ninja -S " + SourceFolder() +
+            "/clients/ompl/example -B build -DCMAKE_BUILD_TYPE=Debug "
+            "-DCMAKE_PREFIX_PATH=$PWD/prefix "
+            "-DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'",
         std::string(SILHOUETTE_CMAKE " --build build")}) {
     const Ended ended = shell.Run(command);
     ASSERT_EQ(ended.exit_code, 0) << ended.out << ended.err;

@@ -23,6 +23,7 @@
 #include "db/store/shards.h"
 #include "tests/capture/session/program_cell.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -33,7 +34,7 @@ namespace fs = std::filesystem;
 constexpr long kMostOfAKind = 100;
 const bool kAll = std::getenv("ROBUSTNESS_ALL") != nullptr;
 
-std::string Program(const std::string& name) { return SILHOUETTE_BIN_DIR "/" + name + " "; }
+std::string Program(const std::string& name) { return ProgramFolder() + "/" + name + " "; }
 
 // Something that writes a database.
 struct Operation {
@@ -202,7 +203,8 @@ class StoredFaults : public testing::TestWithParam<Operation> {
   static std::string Faulty(const std::string& fault) {
     return "FAULT=" + fault + " FAULT_UNDER=\"$PWD/" + GetParam().database +
            "\" FAULT_DONE=\"$PWD/done\" FAULT_COUNTS=\"$PWD/counts\" "
-           "LD_PRELOAD=" SILHOUETTE_BUILD_DIR "/tests/libfaults.so ";
+           "LD_PRELOAD=" +
+           BuildFolder() + "/tests/libfaults.so ";
   }
 
   // Which of `count` calls of a kind go wrong.

@@ -7,6 +7,7 @@
 #include "calib/poses/pose_files.h"
 #include "calib/poses/pose_pairs.h"
 #include "calib/robot/robot_model.h"
+#include "tests/folders.h"
 #include "tests/robustness/parsers/targets.h"
 #include "tests/server/test_cell.h"
 #include "tools/cell/cell.h"
@@ -15,7 +16,7 @@ namespace silhouette {
 namespace {
 
 std::string TextOf(const std::string& path) {
-  std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR "/") + path);
+  std::ifstream in(SourceFolder() + "/" + path);
   return {std::istreambuf_iterator<char>(in), {}};
 }
 

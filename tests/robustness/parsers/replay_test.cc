@@ -6,6 +6,7 @@
 #include <fstream>
 #include <random>
 
+#include "tests/folders.h"
 #include "tests/random.h"
 #include "tests/robustness/parsers/targets.h"
 
@@ -16,7 +17,7 @@ namespace {
 std::vector<std::string> Corpus(const std::string& target) {
   std::vector<std::string> all;
   const std::filesystem::path folder =
-      std::filesystem::path(SILHOUETTE_SOURCE_DIR "/tests/robustness/parsers/corpus") / target;
+      std::filesystem::path(SourceFolder() + "/tests/robustness/parsers/corpus") / target;
   if (!std::filesystem::exists(folder)) return all;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     std::ifstream in(entry.path(), std::ios::binary);

@@ -15,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "tests/folders.h"
 #include "tests/robustness/serving/checker.h"
 #include "tests/running_program.h"
 #include "tools/cell/cell.h"
@@ -35,10 +36,10 @@ class ServingProgram {
     if (!fault.empty()) {
       command.push_back("FAULT=" + fault);
       command.push_back("FAULT_DONE=" + (folder_ / "done").string());
-      command.push_back("LD_PRELOAD=" SILHOUETTE_BUILD_DIR "/tests/libfaults.so");
+      command.push_back("LD_PRELOAD=" + BuildFolder() + "/tests/libfaults.so");
     }
     for (const std::string& word :
-         {std::string(SILHOUETTE_BIN_DIR "/silhouette-server"), std::string("--cell"),
+         {ProgramFolder() + "/silhouette-server", std::string("--cell"),
           (folder_ / "cell.yaml").string(), std::string("--database"), database(),
           std::string("--listen"), "unix:" + (folder_ / "s").string()}) {
       command.push_back(word);

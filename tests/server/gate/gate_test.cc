@@ -18,6 +18,7 @@
 #include "server/gate/credentials.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "tests/folders.h"
 #include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
 #include "tests/shell.h"
@@ -34,8 +35,8 @@ using ::testing::Not;
 // Certificates of tools/certificates in a new folder.
 std::filesystem::path MakeCertificates(const std::string& host = "127.0.0.1") {
   const std::filesystem::path folder = FreshFolder();
-  const std::string command = SILHOUETTE_SOURCE_DIR "/tools/certificates '" + folder.string() +
-                              "' " + host + " > /dev/null";
+  const std::string command =
+      SourceFolder() + "/tools/certificates '" + folder.string() + "' " + host + " > /dev/null";
   EXPECT_EQ(std::system(command.c_str()), 0);
   return folder;
 }
@@ -197,9 +198,8 @@ TEST_F(GateTest, WithoutAValidCertificateNobodyGetsIn) {
   EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("administrator", others)))) << "of another authority";
   const std::filesystem::path expired = FreshFolder();
   CopyCertificates(Certificates(), expired);
-  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " SILHOUETTE_SOURCE_DIR
-                            "/tools/certificates '" +
-                            expired.string() + "' 127.0.0.1 > /dev/null";
+  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " + SourceFolder() +
+                            "/tools/certificates '" + expired.string() + "' 127.0.0.1 > /dev/null";
   ASSERT_EQ(std::system(again.c_str()), 0);
   EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("administrator", expired)))) << "expired";
   EXPECT_TRUE(absl::IsUnavailable(Ask({}))) << "plain text";
@@ -266,9 +266,8 @@ TEST_F(GateTest, FilesOfTlsAreCheckedAtTheStart) {
   EXPECT_THAT(fault({good.certificate, good.certificate, good.client_ca}),
               HasSubstr("holds no private key"));
   EXPECT_THAT(fault({good.certificate, good.key, folder / "none"}), HasSubstr("cannot read"));
-  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " SILHOUETTE_SOURCE_DIR
-                            "/tools/certificates '" +
-                            folder.string() + "' 127.0.0.1 > /dev/null";
+  const std::string again = "SILHOUETTE_CERTIFICATE_DAYS=-1 " + SourceFolder() +
+                            "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
   ASSERT_EQ(std::system(again.c_str()), 0);
   EXPECT_THAT(fault(good), HasSubstr("and not now; renew it"));
 }

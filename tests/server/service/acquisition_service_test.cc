@@ -6,6 +6,7 @@
 #include <string>
 #include <thread>
 
+#include "tests/folders.h"
 #include "tests/server/live/http_get.h"
 #include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
@@ -184,7 +185,7 @@ TEST_F(AcquisitionServiceTest, AlertRulesAndDashboardNameMetricsThatExist) {
   const std::regex name("silhouette_[a-z_]+");
   int named = 0;
   for (const char* file : {"alerts.yaml", "grafana.json"}) {
-    std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR "/docs/monitoring/") + file);
+    std::ifstream in(SourceFolder() + "/docs/monitoring/" + file);
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     for (std::sregex_iterator match(text.begin(), text.end(), name), end; match != end; ++match) {
       // No client was refused.

@@ -14,13 +14,15 @@
 #include <string>
 #include <vector>
 
+#include "tests/folders.h"
+
 namespace {
 
 namespace fs = std::filesystem;
 using Names = std::set<std::string>;
 
-const fs::path kSource = SILHOUETTE_SOURCE_DIR;
-const fs::path kBuild = SILHOUETTE_BUILD_DIR;
+const fs::path kSource = silhouette::SourceFolder();
+const fs::path kBuild = silhouette::BuildFolder();
 
 // A room uses only itself and the rooms before it.
 const std::vector<std::string> kRooms = {"proto",   "db",     "common",  "calib",

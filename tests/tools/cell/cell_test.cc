@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "db/store/store.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 #include "tools/cell/segmentation_text.h"
 
@@ -98,7 +99,7 @@ TEST(Cell, TilesAreThoseOfADatabaseThatIsThere) {
 
 // The RX130 with all its joints; `robot` are further lines of the section.
 std::string SixJoints(const std::string& robot, const std::string& rest = "") {
-  return absl::StrCat("name: arm\nrobot:\n  urdf: ", SILHOUETTE_SOURCE_DIR,
+  return absl::StrCat("name: arm\nrobot:\n  urdf: ", SourceFolder(),
                       "/capture/sim/robots/rx130.urdf\n", robot,
                       "  joints: [{name: joint_1}, {name: joint_2}, {name: joint_3}, {name: "
                       "joint_4}, {name: joint_5}, {name: joint_6}]\nviews: [{name: top}]\n",
@@ -114,9 +115,9 @@ TEST(Cell, TilesOfAWristAreLongAndThoseOfAnArmShort) {
 }
 
 TEST(Cell, TheCommentedSampleIsACellAndShowsTheDefaults) {
-  std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR) + "/docs/cell.yaml");
+  std::ifstream in(SourceFolder() + "/docs/cell.yaml");
   std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const std::string robots = SourceFolder() + "/capture/sim/robots/";
   text = std::regex_replace(text, std::regex("urdf: rx130"), "urdf: " + robots + "rx130");
   const absl::StatusOr<Cell> cell = Load(text);
   ASSERT_TRUE(cell.ok()) << cell.status();
@@ -224,7 +225,7 @@ std::string WithSource(const std::string& source) {
 }
 
 TEST(Cell, EverySourceInTheCommentedSampleIsOne) {
-  std::ifstream in(std::string(SILHOUETTE_SOURCE_DIR) + "/docs/cell.yaml");
+  std::ifstream in(SourceFolder() + "/docs/cell.yaml");
   size_t kinds = 0;
   for (std::string line; std::getline(in, line);) {
     static const std::regex sample(R"(^ *# source: (\{.*\})$)");
@@ -484,7 +485,7 @@ TEST(Cell, GateAndAuditAreReadAndTheirMistakesNamed) {
 }
 
 TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
-  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const std::string robots = SourceFolder() + "/capture/sim/robots/";
   const std::string cell_with = "name: x\nrobot:\n  urdf: " + robots +
                                 "rx130.urdf\n  joints: [{name: joint_1}]\n"
                                 "  fixed: {joint_2: 0, joint_3: 0, joint_4: 0, joint_5: 0, "
@@ -619,7 +620,7 @@ TEST(Cell, PolicyAndCalibrationAreRead) {
 }
 
 TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
-  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const std::string robots = SourceFolder() + "/capture/sim/robots/";
   const auto steps = [&](const std::string& rule) {
     const absl::StatusOr<Cell> cell = Load("name: x\nrobot:\n  urdf: " + robots +
                                            "rx130.urdf\n  joints:\n"
@@ -695,7 +696,7 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
 }
 
 TEST(Cell, JointsThatTheModelLacksOrThatAreNotNamedAreTold) {
-  const std::string robots = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/";
+  const std::string robots = SourceFolder() + "/capture/sim/robots/";
   const auto message = [&](const std::string& joint, const std::string& fixed) {
     return MessageOf("name: x\nrobot:\n  urdf: " + robots + "rx130.urdf\n  joints: [" + joint +
                      "]\n  fixed: " + fixed + "\ngrid: {max_move: 0.1}\nviews: [{name: top}]\n");

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <string>
 
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 #include "tools/cell/cell.h"
 
@@ -24,7 +25,7 @@ std::string RefusalOf(const std::string& text) {
 }
 
 TEST(SeparationOfCell, HasLevelsAndAZoneAndNeedsSound) {
-  const std::string model = "name: x\nrobot:\n  urdf: " SILHOUETTE_SOURCE_DIR
+  const std::string model = "name: x\nrobot:\n  urdf: " + SourceFolder() +
                             "/capture/sim/robots/rx130.urdf\n  joints: [{name: joint_1}]\n"
                             "  fixed: {joint_2: 0, joint_3: 0, joint_4: 0, joint_5: 0, "
                             "joint_6: 0}\n"

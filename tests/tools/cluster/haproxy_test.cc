@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "tests/folders.h"
 #include "tests/running_program.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 
@@ -93,7 +94,7 @@ struct HaproxyTest : testing::Test {
     }
     cell.StopServer();
     const Ended snapshot =
-        cell.shell().Run(SILHOUETTE_BIN_DIR "/silhouette-db compact cell.lmdb snapshot.lmdb");
+        cell.shell().Run(ProgramFolder() + "/silhouette-db compact cell.lmdb snapshot.lmdb");
     ASSERT_EQ(snapshot.exit_code, 0) << snapshot.err;
     for (size_t i = 0; i < 2; ++i) {
       servers[i] = NewServer(absl::StrCat("server", i), "127.0.0.1:0");
@@ -105,7 +106,7 @@ struct HaproxyTest : testing::Test {
         std::vector<std::string>{"/usr/bin/env", "PLANNERS=" + port, "SERVER_A=" + addresses[0],
                                  "SERVER_B=" + addresses[1], "PATH=/usr/sbin:/usr/bin:/bin",
                                  "haproxy", "-db", "-f",
-                                 SILHOUETTE_SOURCE_DIR "/tools/cluster/haproxy.cfg"},
+                                 SourceFolder() + "/tools/cluster/haproxy.cfg"},
         folder() / "haproxy.out", folder() / "haproxy.err");
     // A new connection each time: one that was refused is not tried again at once.
     const SteadyTime end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
@@ -122,7 +123,7 @@ struct HaproxyTest : testing::Test {
   std::unique_ptr<RunningProgram> NewServer(const std::string& name,
                                             const std::string& listen) const {
     return std::make_unique<RunningProgram>(
-        std::vector<std::string>{SILHOUETTE_BIN_DIR "/silhouette-server", "--cell",
+        std::vector<std::string>{ProgramFolder() + "/silhouette-server", "--cell",
                                  (folder() / "cell.yaml").string(), "--database",
                                  (folder() / "snapshot.lmdb").string(), "--listen", listen},
         folder() / (name + ".out"), folder() / (name + ".err"));
@@ -132,8 +133,7 @@ struct HaproxyTest : testing::Test {
   Ended TryPublish(const std::string& address) const {
     WriteMask(folder() / "left.png", kWall | RobotAt(0, 0));
     WriteMask(folder() / "right.png", kWall | RobotAt(0, 0));
-    return cell.shell().Run("SILHOUETTE_SERVER=" + address +
-                            " " SILHOUETTE_BIN_DIR
+    return cell.shell().Run("SILHOUETTE_SERVER=" + address + " " + ProgramFolder() +
                             "/silhouette scene publish --as mask --view left=left.png --view "
                             "right=right.png --joint x=0 --joint y=0");
   }

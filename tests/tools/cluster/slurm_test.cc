@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -12,7 +13,7 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr char kSources[] = SILHOUETTE_SOURCE_DIR;
+const std::string kSources = SourceFolder();
 
 // Six joints of a simulated cell, one of which stands still, so that a shard takes some seconds.
 std::string DrawnCellFile() {
@@ -72,7 +73,7 @@ bool Installed(const std::string& program) {
 
 struct SlurmTest : testing::Test {
   Ended Run(const std::string& command) const {
-    return shell.Run("export PATH=" SILHOUETTE_BIN_DIR ":$PATH:/usr/sbin; " + command);
+    return shell.Run("export PATH=" + ProgramFolder() + ":$PATH:/usr/sbin; " + command);
   }
   void MustRun(const std::string& command) const {
     const Ended ended = Run(command);

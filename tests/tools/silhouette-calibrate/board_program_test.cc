@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/boards/board.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -20,7 +21,7 @@ class BoardProgram : public testing::Test {
   // Of silhouette-calibrate board --out wall; its output is then in out_ and err_.
   int Run(const std::string& arguments) {
     const Ended ended =
-        shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate board --out wall " + arguments);
+        shell_.Run(ProgramFolder() + "/silhouette-calibrate board --out wall " + arguments);
     out_ = ended.out;
     err_ = ended.err;
     return ended.exit_code;

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -60,8 +61,8 @@ class CheckLive : public testing::Test {
   CheckLive() {
     Write("simulation.yaml", SimulationText(0));
     Write("boards.yaml", kBoards);
-    Write("cell.yaml", absl::StrReplaceAll(kCell, {{"$URDF", SILHOUETTE_SOURCE_DIR
-                                                    "/capture/sim/robots/rx130.urdf"}}));
+    Write("cell.yaml", absl::StrReplaceAll(
+                           kCell, {{"$URDF", SourceFolder() + "/capture/sim/robots/rx130.urdf"}}));
     for (const std::string command :
          {"silhouette-capture reference --cell cell.yaml --database db",
           "silhouette-capture run --cell cell.yaml --database db",
@@ -80,7 +81,7 @@ class CheckLive : public testing::Test {
     WriteFile(shell_.folder() / name, text);
   }
   Ended Run(const std::string& command) const {
-    return shell_.Run(absl::StrCat(SILHOUETTE_BIN_DIR, "/", command));
+    return shell_.Run(absl::StrCat(ProgramFolder(), "/", command));
   }
   Ended Check(const std::string& options) const {
     return Run("silhouette-calibrate check --database db --cell cell.yaml --live " + options);

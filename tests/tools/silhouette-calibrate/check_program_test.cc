@@ -13,6 +13,7 @@
 #include "calib/files/camera_file.h"
 #include "db/store/store.h"
 #include "tests/calib/fundamental/seen_cell.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -78,10 +79,10 @@ class CheckProgram : public testing::Test {
   }
 
   Ended Calibrate(const std::string& arguments) const {
-    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate " + arguments);
+    return shell_.Run(ProgramFolder() + "/silhouette-calibrate " + arguments);
   }
   Ended Db(const std::string& arguments) const {
-    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-db calibration " + arguments);
+    return shell_.Run(ProgramFolder() + "/silhouette-db calibration " + arguments);
   }
   void Import() const {
     const Ended written = Calibrate(

@@ -11,6 +11,7 @@
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "tests/calib/detection/rendered_board.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -41,8 +42,8 @@ class DetectProgram : public testing::Test {
 
   // Of silhouette-calibrate detect in the folder; its output is then in out_ and err_.
   int Run(const std::string& arguments) {
-    const Ended ended = shell_.Run(
-        SILHOUETTE_BIN_DIR "/silhouette-calibrate detect --out corners.csv " + arguments);
+    const Ended ended =
+        shell_.Run(ProgramFolder() + "/silhouette-calibrate detect --out corners.csv " + arguments);
     out_ = ended.out;
     err_ = ended.err;
     return ended.exit_code;
@@ -100,7 +101,7 @@ TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
 }
 
 TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
-  const std::string demo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo/";
+  const std::string demo = SourceFolder() + "/capture/sim/cells/demo/";
   const std::string live = "--cell " + demo + "cell.yaml --boards " + demo +
                            "boards.yaml --count 2 --interval 0 --save images --format json";
   ASSERT_EQ(Run(live), 0) << err_;

@@ -12,6 +12,7 @@
 #include "calib/files/camera_file.h"
 #include "calib/fundamental/epipolar_geometry.h"
 #include "tests/calib/fundamental/seen_cell.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -32,8 +33,7 @@ class FundamentalProgram : public testing::Test {
     }
   }
   Ended Run(const std::string& arguments) const {
-    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-calibrate fundamental " +
-                      arguments);
+    return shell_.Run(ProgramFolder() + "/silhouette-calibrate fundamental " + arguments);
   }
 
   Shell shell_;

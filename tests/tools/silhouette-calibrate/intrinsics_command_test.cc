@@ -10,6 +10,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/files/camera_file.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -31,7 +32,7 @@ class IntrinsicsCommand : public testing::Test {
   }
   // Both outputs are in `out`.
   Ended Calibrate(const std::string& arguments) const {
-    return shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate intrinsics " + arguments + " 2>&1");
+    return shell_.Run(ProgramFolder() + "/silhouette-calibrate intrinsics " + arguments + " 2>&1");
   }
   Ended Run(const std::string& more) const {
     const std::string in = folder_.string();

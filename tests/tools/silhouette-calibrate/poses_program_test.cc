@@ -17,6 +17,7 @@
 #include "calib/poses/pose_files.h"
 #include "calib/robot/robot_model.h"
 #include "tests/calib/poses/pose_rig.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -28,7 +29,7 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr char kUrdf[] = SILHOUETTE_SOURCE_DIR "/capture/sim/robots/rx130.urdf";
+const std::string kUrdf = SourceFolder() + "/capture/sim/robots/rx130.urdf";
 constexpr char kFiles[] = "poses --corners corners.csv --boards boards.yaml --cameras lenses ";
 
 class CalibratePosesProgram : public testing::Test {
@@ -50,7 +51,7 @@ class CalibratePosesProgram : public testing::Test {
   }
 
   Ended Run(const std::string& arguments) const {
-    return shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate " + arguments);
+    return shell_.Run(ProgramFolder() + "/silhouette-calibrate " + arguments);
   }
 
   CameraModel Camera(const std::string& file) const {

@@ -8,6 +8,7 @@
 
 #include "calib/files/camera_file.h"
 #include "capture/sim/simulation.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -16,13 +17,13 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-const std::string kDemo = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo";
+const std::string kDemo = SourceFolder() + "/capture/sim/cells/demo";
 
 class CalibrateRun : public testing::Test {
  protected:
   int Run(const std::string& program, const std::string& arguments) {
     const Ended ended =
-        shell_.Run(SILHOUETTE_BIN_DIR "/" + program + " " + arguments + " </dev/null");
+        shell_.Run(ProgramFolder() + "/" + program + " " + arguments + " </dev/null");
     err_ = ended.err;
     return ended.exit_code;
   }
@@ -98,7 +99,7 @@ noise: 1.5
 simulation: simulation.yaml
 robot:
   driver: sim
-  urdf: )" + std::string(SILHOUETTE_SOURCE_DIR) +
+  urdf: )" + SourceFolder() +
                                          R"(/capture/sim/robots/rx130.urdf
   joints:
     - {name: joint_1, lower: -150 deg, upper: 150 deg}
@@ -138,7 +139,7 @@ TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
   WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
   // The folder is made before the robot sets off.
   const auto start = std::chrono::steady_clock::now();
-  const Ended ended = shell_.Run(SILHOUETTE_BIN_DIR "/silhouette-calibrate " + Command("") +
+  const Ended ended = shell_.Run(ProgramFolder() + "/silhouette-calibrate " + Command("") +
                                  " & p=$!; while kill -0 $p && [ ! -d " + session() +
                                  " ]; do sleep 0.1; done; sleep 0.5; kill -INT $p; wait $p");
   EXPECT_EQ(ended.exit_code, 1);

@@ -13,6 +13,7 @@
 
 #include "tests/capture/session/program_cell.h"
 #include "tests/db/store/index_checks.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -236,7 +237,7 @@ TEST_F(CaptureProgram, TruncatedDatabaseIsTheWorldsFault) {
 
 TEST_F(CaptureProgram, FolderWithoutPermissionIsTold) {
   if (geteuid() != 0) GTEST_SKIP() << "needs a second user, thus root";
-  if (access(SILHOUETTE_BIN_DIR, X_OK) != 0) GTEST_SKIP() << "the program cannot be reached";
+  if (access(ProgramFolder().c_str(), X_OK) != 0) GTEST_SKIP() << "the program cannot be reached";
   ASSERT_EQ(chmod((cell_ / ".").c_str(), 0755), 0);
   Outcome outcome = cell_.Wait(cell_.Start(cell_.Arguments("reference"), kNobody));
   if (outcome.exit_code == 127) GTEST_SKIP() << "the program cannot be reached by other users";
@@ -278,7 +279,7 @@ TEST_F(CaptureProgram, FullDiskIsToldAndMendedByGoingOn) {
 
 // The cell of tools/demo without what it sets for speed.
 TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
-  const std::string folder = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/demo/";
+  const std::string folder = SourceFolder() + "/capture/sim/cells/demo/";
   std::string text = ReadText(folder + "cell.yaml");
   const size_t capture = text.find("capture:\n");
   text.erase(capture, text.find("server:\n") - capture);

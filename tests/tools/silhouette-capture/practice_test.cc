@@ -8,6 +8,7 @@
 
 #include "tests/capture/drivers/served_process.h"
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -169,7 +170,7 @@ TEST_F(Practice, InterruptIsAnAnswerToo) {
 }
 
 TEST_F(Practice, FaultOfADeviceThatIsNotServedIsAMistake) {
-  const std::string command = absl::StrCat(SILHOUETTE_BIN_DIR, "/silhouette-sim serve --cell ",
+  const std::string command = absl::StrCat(ProgramFolder(), "/silhouette-sim serve --cell ",
                                            cell_.cell(), " --cameras grpc ");
   EXPECT_EQ(WEXITSTATUS(system((command + "--robot-fault lost 2>/dev/null").c_str())), 2);
   EXPECT_EQ(WEXITSTATUS(system((command + "--camera-fault drops 2>/dev/null").c_str())), 2);

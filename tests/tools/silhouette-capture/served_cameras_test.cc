@@ -9,6 +9,7 @@
 #include "tests/capture/drivers/own_network.h"
 #include "tests/capture/drivers/served_process.h"
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -95,7 +96,7 @@ TEST_F(ServedSession, RobotAndCamerasOfTheNetworkGiveTheRobotImagesOfTheCell) {
 
 TEST_F(ServedSession, ReferenceIsRefusedWhileTheRobotStandsInAView) {
   const auto shell = [](const std::string& command) {
-    const std::string whole = std::string(SILHOUETTE_BIN_DIR) + "/" + command + " >/dev/null 2>&1";
+    const std::string whole = ProgramFolder() + "/" + command + " >/dev/null 2>&1";
     ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
   };
   cell_.WriteCell({});

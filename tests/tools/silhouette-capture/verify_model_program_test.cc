@@ -9,6 +9,7 @@
 #include <string>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -49,7 +50,7 @@ struct VerifyModelProgram : testing::Test {
   }
 
   static void Shell(const std::string& command) {
-    const std::string whole = std::string(SILHOUETTE_BIN_DIR) + "/" + command + " >/dev/null 2>&1";
+    const std::string whole = ProgramFolder() + "/" + command + " >/dev/null 2>&1";
     ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
   }
 
@@ -88,15 +89,14 @@ TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWron
   // The arm stands elsewhere than its model has it.
   std::string text = ReadText(cell_ / "drawn.yaml");
   ASSERT_NE(text.find("joint_2: 40 deg"), std::string::npos);
-  const std::string urdf =
-      ReadText(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf");
+  const std::string urdf = ReadText(SourceFolder() + "/capture/sim/robots/rx130.urdf");
   const std::string shoulder = "<origin xyz=\"0 0 0.34\"/>";
   ASSERT_NE(urdf.find(shoulder), std::string::npos);
   WriteText(cell_ / "wrong.urdf",
             absl::StrReplaceAll(urdf, {{shoulder, "<origin xyz=\"0.12 0 0.34\"/>"}}));
-  WriteText(cell_ / "wrong.yaml", absl::StrReplaceAll(text, {{std::string(SILHOUETTE_SOURCE_DIR) +
-                                                                  "/capture/sim/robots/rx130.urdf",
-                                                              "wrong.urdf"}}));
+  WriteText(cell_ / "wrong.yaml",
+            absl::StrReplaceAll(
+                text, {{SourceFolder() + "/capture/sim/robots/rx130.urdf", "wrong.urdf"}}));
   outcome = Run("verify-model", "wrong.yaml", "drawn.lmdb", by_database);
   EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
   EXPECT_THAT(outcome.err, HasSubstr("not verified: "));

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -21,9 +22,9 @@ class CellExperimentProgram : public testing::Test {
  protected:
   Outcome Run(const std::string& more) const {
     const std::string line =
-        absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-experiments' cell --cell '",
-                     files_.cell(), "' --database '", files_.database(), "' ", more, " >'",
-                     files_ / "o", "' 2>'", files_ / "e", "'");
+        absl::StrCat("'", ProgramFolder(), "/silhouette-experiments' cell --cell '", files_.cell(),
+                     "' --database '", files_.database(), "' ", more, " >'", files_ / "o", "' 2>'",
+                     files_ / "e", "'");
     const int status = std::system(line.c_str());
     return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,
             .out = ReadText(files_ / "o"),
@@ -86,8 +87,8 @@ TEST_F(CellExperimentProgram, CalibrationThatWasFoundIsComparedWithTheTrueOneUnl
   ASSERT_EQ(alone.exit_code, 0) << alone.err;
   const std::string cameras = files_ / "cameras";
   const std::string save =
-      absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-db' calibration export '",
-                   files_.database(), "' '", cameras, "' >/dev/null");
+      absl::StrCat("'", ProgramFolder(), "/silhouette-db' calibration export '", files_.database(),
+                   "' '", cameras, "' >/dev/null");
   ASSERT_EQ(std::system(save.c_str()), 0);
   const std::string found = options + " --calibration '" + cameras + "'";
   const Outcome both = Run(found + " --out '" + files_ / "out" + "'");

@@ -8,6 +8,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -19,8 +20,7 @@ using testing::HasSubstr;
 class PaperCommand : public testing::Test {
  protected:
   Ended Run(const std::string& arguments) const {
-    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) + "/silhouette-experiments paper " +
-                      arguments);
+    return shell_.Run(ProgramFolder() + "/silhouette-experiments paper " + arguments);
   }
 
   // The default settings with 12 steps, 24 pixels and 2 scenes.
@@ -75,7 +75,7 @@ TEST_F(PaperCommand, OutGetsTablesAndFiguresThatPlotDraws) {
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("figure7, planar, rig A, centre"));
   EXPECT_THAT(ContentOf(out / "rows.csv"), HasSubstr("figure7,planar,A,touch,paper,n-1,4,"));
-  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot new/paper/figures.json");
+  const Ended plot = shell_.Run(SourceFolder() + "/tools/plot new/paper/figures.json");
   ASSERT_EQ(plot.exit_code, 0) << plot.err;
   for (const char* name : {"rows.json", "figure1.png", "figure6-planar-A.png", "views-planar-A.png",
                            "verdicts-planar-A.png"}) {
@@ -90,7 +90,7 @@ TEST_F(PaperCommand, PlotDrawsTheChartsOfItsRows) {
                             "--experiments figure7,reconstruction --out " +
                             out.string());
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
-  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot charts/rows.json");
+  const Ended plot = shell_.Run(SourceFolder() + "/tools/plot charts/rows.json");
   ASSERT_EQ(plot.exit_code, 0) << plot.err;
   for (const char* name : {"figure7-planar-A.png", "reconstruction-planar-A.png"}) {
     EXPECT_GT(fs::file_size(out / name), 1000u) << name;

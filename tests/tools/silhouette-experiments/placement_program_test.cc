@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -29,9 +30,8 @@ class PlacementProgram : public testing::Test {
  protected:
   Ended Run(const std::string& places, const std::string& more = "") {
     WriteFile(shell_.folder() / "places.yaml", places);
-    return shell_.Run(std::string(SILHOUETTE_BIN_DIR) +
-                      "/silhouette-experiments placement --cell " SILHOUETTE_SOURCE_DIR
-                      "/capture/sim/cells/demo/cell.yaml --places places.yaml " +
+    return shell_.Run(ProgramFolder() + "/silhouette-experiments placement --cell " +
+                      SourceFolder() + "/capture/sim/cells/demo/cell.yaml --places places.yaml " +
                       more);
   }
 
@@ -67,7 +67,7 @@ TEST_F(PlacementProgram, ChoosesDrawsAndTellsScripts) {
   EXPECT_EQ(map["places"].size(), 4u);
   EXPECT_EQ(map["chosen"], json["chosen"]);
   EXPECT_GT(map["footprint"].size(), 5u);
-  const Ended plot = shell_.Run(SILHOUETTE_SOURCE_DIR "/tools/plot out/placement.json");
+  const Ended plot = shell_.Run(SourceFolder() + "/tools/plot out/placement.json");
   EXPECT_EQ(plot.exit_code, 0) << plot.err;
   EXPECT_GT(std::filesystem::file_size(shell_.folder() / "out/placement.png"), 1000u);
   EXPECT_EQ(Run(kPlaces, "--format json").out, ended.out) << "the same seed, the same answer";
@@ -96,9 +96,8 @@ TEST_F(PlacementProgram, PlacesThatAllCutTheRobotOffAreRefused) {
 }
 
 TEST_F(PlacementProgram, FileThatIsNotThereIsNamed) {
-  const Ended ended =
-      shell_.Run(std::string(SILHOUETTE_BIN_DIR) +
-                 "/silhouette-experiments placement --cell no.yaml --places x.yaml");
+  const Ended ended = shell_.Run(
+      ProgramFolder() + "/silhouette-experiments placement --cell no.yaml --places x.yaml");
   EXPECT_EQ(ended.exit_code, 2);
   EXPECT_THAT(ended.err, HasSubstr("no.yaml"));
 }

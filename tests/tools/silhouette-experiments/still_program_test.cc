@@ -7,6 +7,7 @@
 #include <string>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -14,7 +15,7 @@ namespace {
 TEST(StillExperimentProgram, WithoutNoiseNoVerdictChanges) {
   const ProgramCell files;
   const std::string line =
-      absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette-experiments' still --cell '", files.cell(),
+      absl::StrCat("'", ProgramFolder(), "/silhouette-experiments' still --cell '", files.cell(),
                    "' --database '", files.database(), "' --scenes 5 --robots 2 --format json >'",
                    files / "o", "' 2>'", files / "e", "'");
   ASSERT_EQ(std::system(line.c_str()), 0) << ReadText(files / "e");

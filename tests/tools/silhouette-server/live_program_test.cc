@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 #include "tests/running_program.h"
 #include "tests/server/live/http_get.h"
 
@@ -39,7 +40,7 @@ struct LiveProgramTest : ::testing::Test {
   }
   void StartOnly(const std::string& more, const std::string& file = cell->cell()) {
     const std::string command =
-        absl::StrCat("exec '", SILHOUETTE_BIN_DIR, "/silhouette-server' --cell '", file,
+        absl::StrCat("exec '", ProgramFolder(), "/silhouette-server' --cell '", file,
                      "' --database '", database, "' --listen 127.0.0.1:0 ", more);
     server.emplace(std::vector<std::string>{"/bin/sh", "-c", command}, *cell / "server.out",
                    *cell / "server.err");
@@ -62,7 +63,7 @@ struct LiveProgramTest : ::testing::Test {
 
   Outcome Ask(const std::string& arguments) const {
     const std::string command =
-        absl::StrCat("'", SILHOUETTE_BIN_DIR, "/silhouette' --timeout 60 --server ", address, " ",
+        absl::StrCat("'", ProgramFolder(), "/silhouette' --timeout 60 --server ", address, " ",
                      arguments, " >'", *cell / "client.out", "' 2>'", *cell / "client.err", "'");
     const int status = std::system(command.c_str());
     return {.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1,

@@ -18,6 +18,7 @@
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
+#include "tests/folders.h"
 #include "tests/running_program.h"
 #include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
@@ -40,10 +41,9 @@ void WriteFile(const std::string& path, const std::string& text) {
 // A running silhouette-server.
 struct ServerProgram : RunningProgram {
   ServerProgram(const std::filesystem::path& folder, std::vector<std::string> arguments)
-      : RunningProgram(
-            (arguments.insert(arguments.begin(), SILHOUETTE_BIN_DIR "/silhouette-server"),
-             arguments),
-            folder / "out", folder / "err") {}
+      : RunningProgram((arguments.insert(arguments.begin(), ProgramFolder() + "/silhouette-server"),
+                        arguments),
+                       folder / "out", folder / "err") {}
 };
 
 struct ServerProgramTest : ::testing::Test {
@@ -419,7 +419,7 @@ TEST_F(ServerProgramTest, PlainTextForOtherMachinesIsRefusedUnlessAskedFor) {
 
 TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
   const std::string made =
-      SILHOUETTE_SOURCE_DIR "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
+      SourceFolder() + "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
   ASSERT_EQ(std::system(made.c_str()), 0);
   WriteFile(cell,
             absl::StrCat(kServerTestCellFile,
@@ -428,7 +428,7 @@ TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
   const std::string client =
-      absl::StrCat("cd '", folder.string(), "' && ", SILHOUETTE_BIN_DIR, "/silhouette --server ",
+      absl::StrCat("cd '", folder.string(), "' && ", ProgramFolder(), "/silhouette --server ",
                    program.Address(), " > client.out 2>&1 ");
   const std::string tls = "--tls-ca ca.pem --tls-certificate planner.pem --tls-key planner.key ";
   const auto run = [&](const std::string& arguments) {
@@ -446,7 +446,7 @@ TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
   while (program.Errors().find("reloaded") == std::string::npos) std::this_thread::yield();
   EXPECT_THAT(program.Errors(), HasSubstr("server.pem' is valid until"));
   EXPECT_EQ(program.End(SIGTERM), 0);
-  const std::string verify = absl::StrCat(SILHOUETTE_BIN_DIR, "/silhouette-db audit verify ",
+  const std::string verify = absl::StrCat(ProgramFolder(), "/silhouette-db audit verify ",
                                           (folder / "audit.jsonl").string(), " > /dev/null");
   EXPECT_EQ(std::system(verify.c_str()), 0);
   std::ofstream(folder / "audit.jsonl", std::ios::app) << "{}\n";

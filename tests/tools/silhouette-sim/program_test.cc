@@ -13,6 +13,7 @@
 #include "calib/files/camera_file.h"
 #include "capture/sim/simulation.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/folders.h"
 
 namespace silhouette {
 namespace {
@@ -37,9 +38,9 @@ std::string ReadAll(const fs::path& path) {
 class SimProgram : public testing::Test {
  protected:
   Outcome Run(const std::string& arguments) const {
-    const std::string command = std::string(SILHOUETTE_BIN_DIR) + "/silhouette-sim " + arguments +
-                                " >" + (folder_ / "out").string() + " 2>" +
-                                (folder_ / "err").string() + " </dev/null";
+    const std::string command = ProgramFolder() + "/silhouette-sim " + arguments + " >" +
+                                (folder_ / "out").string() + " 2>" + (folder_ / "err").string() +
+                                " </dev/null";
     const int status = std::system(command.c_str());
     return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, ReadAll(folder_ / "out"),
             ReadAll(folder_ / "err")};
@@ -52,7 +53,7 @@ class SimProgram : public testing::Test {
   }
 
   void SetUp() override {
-    const std::string sim = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/";
+    const std::string sim = SourceFolder() + "/capture/sim/";
     WriteFile(folder_ / "cell.yaml", R"(name: test
 simulation: )" + sim + R"(cells/demo/simulation.yaml
 robot:
@@ -266,8 +267,7 @@ TEST_F(SimProgram, CalibrationWritesTheTrueCameraOfEveryView) {
       Run("calibration" + cell + " --out " + cameras.string() + " --format json");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto paths = nlohmann::json::parse(outcome.out)["cameras"];
-  const auto settings = LoadSimulation(std::string(SILHOUETTE_SOURCE_DIR) +
-                                       "/capture/sim/cells/demo/simulation.yaml");
+  const auto settings = LoadSimulation(SourceFolder() + "/capture/sim/cells/demo/simulation.yaml");
   ASSERT_TRUE(settings.ok()) << settings.status();
   ASSERT_EQ(paths.size(), 2u);
   for (size_t i = 0; i < 2; ++i) {

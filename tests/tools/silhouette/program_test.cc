@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "tests/clients/cpp/fake_server.h"
+#include "tests/folders.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 
 namespace silhouette {
@@ -472,7 +473,7 @@ TEST(SilhouetteProgram, BrokenStreamIsNoSpace) {
     return grpc::Status(grpc::StatusCode::INTERNAL, "broke off");
   };
   const Shell shell;
-  const std::string program = SILHOUETTE_BIN_DIR "/silhouette --server " + server.address;
+  const std::string program = ProgramFolder() + "/silhouette --server " + server.address;
   const Ended space = shell.Run(program + " space --out space.csv");
   EXPECT_EQ(space.exit_code, 3);
   EXPECT_THAT(space.err, HasSubstr("broke off"));
@@ -503,7 +504,7 @@ TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
   };
   const Shell shell;
   const Ended plan =
-      shell.Run(SILHOUETTE_BIN_DIR "/silhouette --server " + server.address + " plan 0 1");
+      shell.Run(ProgramFolder() + "/silhouette --server " + server.address + " plan 0 1");
   EXPECT_EQ(plan.exit_code, 1) << plan.err;
   EXPECT_THAT(plan.out, HasSubstr("verdicts became unknown: the newest scene is older"));
   EXPECT_EQ(calls, 2);
@@ -513,13 +514,12 @@ TEST(SilhouetteProgram, HelpShowsAnExampleForEverySubcommand) {
   const Shell shell;
   for (const char* command :
        {"", "check", "path", "space", "plan", "explain", "scene publish", "scene show"}) {
-    const Ended help =
-        shell.Run(std::string(SILHOUETTE_BIN_DIR "/silhouette ") + command + " --help");
+    const Ended help = shell.Run(ProgramFolder() + "/silhouette " + command + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_THAT(help.out, HasSubstr("Example:\n  silhouette ")) << command;
   }
-  EXPECT_THAT(shell.Run(SILHOUETTE_BIN_DIR "/silhouette").exit_code, 2);
-  EXPECT_THAT(shell.Run(SILHOUETTE_BIN_DIR "/silhouette check 0 --server x").err,
+  EXPECT_THAT(shell.Run(ProgramFolder() + "/silhouette").exit_code, 2);
+  EXPECT_THAT(shell.Run(ProgramFolder() + "/silhouette check 0 --server x").err,
               AllOf(HasSubstr("'x' is not a server address"), Not(HasSubstr("terminate"))));
 }
 

@@ -19,6 +19,7 @@
 
 #include "common/picture/mask_png.h"
 #include "db/mask/mask.h"
+#include "tests/folders.h"
 #include "tests/shell.h"
 
 namespace silhouette {
@@ -133,9 +134,7 @@ class SmallServedCell {
   void StopServer() { server_.reset(); }
 
  private:
-  static std::string Program(const std::string& name) {
-    return std::string(SILHOUETTE_BIN_DIR) + "/" + name;
-  }
+  static std::string Program(const std::string& name) { return ProgramFolder() + "/" + name; }
 
   void Serve() {
     const std::filesystem::path output = shell_.folder() / "server.txt";

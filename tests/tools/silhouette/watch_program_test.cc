@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tests/folders.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 
 namespace silhouette {
@@ -42,7 +43,7 @@ class SilhouetteWatch : public testing::Test {
   // folder.
   std::unique_ptr<Process> Start(const std::string& arguments, const std::string& output) const {
     const std::string command = "exec env SILHOUETTE_SERVER=" + cell_.address() + " " +
-                                SILHOUETTE_BIN_DIR "/silhouette " + arguments;
+                                ProgramFolder() + "/silhouette " + arguments;
     return std::make_unique<Process>(std::vector<std::string>{"/bin/sh", "-c", command},
                                      cell_.shell().folder() / output);
   }
@@ -173,8 +174,8 @@ TEST_F(SilhouetteWatch, MistakeOfTheUserEndsItAtOnce) {
 TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   Publish(kWall);
   const auto check = [&](const std::string& input, const std::string& options = "") {
-    return cell_.shell().Run("printf '" + input + "' | SILHOUETTE_SERVER=" + cell_.address() +
-                             " " SILHOUETTE_BIN_DIR "/silhouette check --stream " + options);
+    return cell_.shell().Run("printf '" + input + "' | SILHOUETTE_SERVER=" + cell_.address() + " " +
+                             ProgramFolder() + "/silhouette check --stream " + options);
   };
   const Ended text = check("0,0\\n# nothing\\n\\n0.6 0 # the wall\\n-5,0");
   EXPECT_EQ(text.exit_code, 1) << text.err;

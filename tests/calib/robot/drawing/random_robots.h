@@ -13,6 +13,7 @@
 #include "calib/robot/robot_model.h"
 #include "tests/calib/robot/drawing/random_views.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/folders.h"
 #include "tests/random.h"
 
 namespace silhouette {
@@ -20,8 +21,7 @@ namespace silhouette {
 inline constexpr double kTolerance = 0.005;  // of drawn parts
 
 inline RobotModel Rx130() {
-  return RobotModel::FromUrdf(std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/robots/rx130.urdf")
-      .value();
+  return RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value();
 }
 
 // Three joints, with bodies like an egg's and a bent one's on every link.

@@ -10,6 +10,7 @@
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/folders.h"
 #include "tools/silhouette-experiments/cell/missing_picture.h"
 #include "tools/silhouette-experiments/cell/scenes.h"
 #include "tools/silhouette-experiments/cell/trial.h"
@@ -17,7 +18,7 @@
 namespace silhouette::cell_experiment {
 namespace {
 
-const std::string kHiddenFolder = std::string(SILHOUETTE_SOURCE_DIR) + "/capture/sim/cells/hidden/";
+const std::string kHiddenFolder = SourceFolder() + "/capture/sim/cells/hidden/";
 constexpr int kHiddenScenes = 4;
 
 class HiddenObstacles : public testing::Test {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two minutes of the demo's cell.
 #include "tools/silhouette-experiments/faults/faults.h"
+#include "tests/folders.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@ namespace silhouette::faults_experiment {
 namespace {
 
 TEST(Faults, EveryFaultIsFoundAndPeopleAreNone) {
-  const auto demo = cell_experiment::SimulatedWorkplace::Load(SILHOUETTE_SOURCE_DIR
+  const auto demo = cell_experiment::SimulatedWorkplace::Load(SourceFolder() +
                                                               "/capture/sim/cells/demo/cell.yaml");
   ASSERT_TRUE(demo.ok()) << demo.status();
   const WatchSettings settings{.minutes = 2, .interval = 2, .fault_every = 15};

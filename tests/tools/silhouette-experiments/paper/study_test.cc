@@ -7,6 +7,7 @@
 
 #include "common/numbers/numbers.h"
 #include "common/yaml/strict_yaml.h"
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 #include "tests/tools/silhouette-experiments/paper/small_settings.h"
 #include "tools/silhouette-experiments/paper/report.h"
@@ -107,8 +108,8 @@ TEST(PaperStudy, ARobotParkedInTheWayIsAMistake) {
 }
 
 TEST(PaperSettings, TheDefaultIsTheFileThatIsShipped) {
-  const Settings shipped = ReadSettings(std::string(SILHOUETTE_SOURCE_DIR) +
-                                        "/tools/silhouette-experiments/paper/paper.yaml");
+  const Settings shipped =
+      ReadSettings(SourceFolder() + "/tools/silhouette-experiments/paper/paper.yaml");
   const Settings built_in = ReadSettings("");
   EXPECT_EQ(shipped.random.count, 200);
   EXPECT_EQ(shipped.random.count, built_in.random.count);

@@ -6,6 +6,7 @@
 
 #include <fstream>
 
+#include "tests/folders.h"
 #include "tests/test_folder.h"
 
 namespace silhouette::segmentation_experiment {
@@ -13,7 +14,7 @@ namespace {
 
 // Two views of the demo's cell, and one joint that moves.
 cell_experiment::SimulatedWorkplace Demo() {
-  const std::string sim = SILHOUETTE_SOURCE_DIR "/capture/sim/";
+  const std::string sim = SourceFolder() + "/capture/sim/";
   const std::string file = TestFolder() / "cell.yaml";
   std::ofstream(file) << "name: demo\nsimulation: " << sim << "cells/demo/simulation.yaml\n"
                       << "robot:\n  driver: sim\n  urdf: " << sim << "robots/rx130.urdf\n"
