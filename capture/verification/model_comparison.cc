@@ -255,7 +255,9 @@ void Comparing::FindNeeds(size_t sample, size_t view, const Mask& missing) {
   const auto none = static_cast<uint8_t>(steps_ + 1);
   std::vector<GrowthFit::Needs> needs(pixels.size(), GrowthFit::Needs(links(), none));
   for (size_t link = 0; link < links(); ++link) {
-    size_t left = pixels.size();
+    const Mask most = drawer_.Touched(view, link, GrowthOf(steps_));
+    auto left = std::ranges::count_if(
+        pixels, [&](const cv::Point& pixel) { return most.at(pixel.x, pixel.y); });
     for (int k = 1; k <= steps_ && left > 0; ++k) {
       const Mask grown = drawer_.Touched(view, link, GrowthOf(k));
       for (size_t i = 0; i < pixels.size(); ++i) {
@@ -281,15 +283,22 @@ void Comparing::FindNeeds(size_t sample, size_t view, const Mask& missing) {
   }
 }
 
+// The costs of a link that reaches no missing pixel stay 0: it does not grow.
 GrowthFit::Costs Comparing::FindCosts() {
   GrowthFit::Costs costs(links(), std::vector<double>(static_cast<size_t>(steps_) + 1));
+  std::vector<bool> reaches(links());
+  for (const MissingPixel& pixel : missing_) {
+    for (size_t link = 0; link < links(); ++link) {
+      if (pixel.needs[link] <= steps_) reaches[link] = true;
+    }
+  }
   const size_t stride = std::max<size_t>(1, samples_.size() / kCostSamples);
   for (size_t i = 0; i < samples_.size(); i += stride) {
     drawer_.At(samples_[i].q);
     for (size_t view = 0; view < result_.views.size(); ++view) {
       const Mask drawn = drawer_.Grown(view, std::vector<double>(links()));
       for (size_t link = 0; link < links(); ++link) {
-        for (int k = 1; k <= steps_; ++k) {
+        for (int k = 1; reaches[link] && k <= steps_; ++k) {
           const Mask added = drawer_.Touched(view, link, GrowthOf(k)) - drawn;
           costs[link][static_cast<size_t>(k)] += static_cast<double>(stride * added.Count());
         }

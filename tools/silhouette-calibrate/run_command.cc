@@ -42,7 +42,7 @@ struct RunArguments {
   std::string flange_board;
   std::string flange_link;
   std::string cameras;
-  size_t frames = 30;
+  size_t frames = 60;
   std::vector<std::string> joints;  // name=lower:upper
   std::optional<double> floor;
   std::string poses;
@@ -381,7 +381,9 @@ void AddOptions(CLI::App& command, RunArguments& a) {
   command.add_option("--cameras", a.cameras,
                      "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
                      "they are found from the boards");
-  command.add_option("--frames", a.frames, "How many sets of images that show the board")
+  command
+      .add_option("--frames", a.frames,
+                  "How many sets of images that show the board; a view should have 20 of them")
       ->check(CLI::Range(3, 10000))
       ->capture_default_str();
   command

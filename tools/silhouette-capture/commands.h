@@ -10,7 +10,9 @@ namespace silhouette {
 
 // Each adds its subcommand to `app` and, when it is chosen, sets `work`.
 void AddCameras(CLI::App& app, Work& work);
+void AddCheck(CLI::App& app, Work& work);
 void AddDraw(CLI::App& app, Work& work);
+void AddInit(CLI::App& app, Work& work);
 void AddReference(CLI::App& app, Work& work);
 void AddRemask(CLI::App& app, Work& work);
 void AddReport(CLI::App& app, Work& work);

@@ -12,7 +12,9 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   app.footer(
       "Examples:\n"
+      "  silhouette-capture init --urdf robot.urdf       the first cell.yaml\n"
       "  silhouette-capture cameras                      which cameras there are\n"
+      "  silhouette-capture check --cell cell.yaml       all that can be known before it moves\n"
       "  silhouette-capture reference --cell cell.yaml   images of the empty cell, first of all\n"
       "  silhouette-capture run --cell cell.yaml --dry-run\n"
       "  silhouette-capture run --cell cell.yaml         again after any interruption\n"
@@ -22,8 +24,8 @@ int main(int argc, char** argv) {
       "  silhouette-capture tune --cell cell.yaml --try 'faint_side: 7'\n"
       "  silhouette-capture verify-model --cell cell.yaml   of a robot whose images are drawn");
   Work work;
-  for (const auto add : {AddCameras, AddReference, AddRun, AddDraw, AddStatus, AddReport, AddRemask,
-                         AddTune, AddVerifyModel}) {
+  for (const auto add : {AddInit, AddCameras, AddCheck, AddReference, AddRun, AddDraw, AddStatus,
+                         AddReport, AddRemask, AddTune, AddVerifyModel}) {
     add(app, work);
   }
   // Images are small: handing their parts to other threads costs more than it saves.

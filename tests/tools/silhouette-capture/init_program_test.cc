@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-capture init and check, as the user of a new cell runs them.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "tests/capture/session/program_cell.h"
+#include "tools/cell/cell.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class NewCell : public testing::Test {
+ protected:
+  // Of the simulated cell, without its cell.yaml.
+  NewCell() { std::filesystem::remove(cell_.cell()); }
+
+  Outcome Init(const std::vector<std::string>& more) const {
+    std::vector<std::string> arguments = {
+        "init", "--urdf", SourceFolder() + "/capture/sim/robots/rx130.urdf", "--out", cell_.cell()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return cell_.Run(arguments);
+  }
+  Outcome InitSimulated() const {
+    return Init({"--joint", "joint_1=-150deg:150deg", "--joint", "joint_3", "--driver", "sim",
+                 "--simulation", cell_ / "simulation.yaml", "--view", "top=sim", "--view",
+                 "front=sim", "--image-size", "160", "120"});
+  }
+
+  ProgramCell cell_;
+};
+
+TEST_F(NewCell, ItsFileIsWrittenLoadedAndChecked) {
+  const Outcome made = InitSimulated();
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("silhouette-capture check --cell"));
+  const auto cell = LoadCell(cell_.cell());
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  ASSERT_EQ(cell->grid.dimensions(), 2);
+  EXPECT_EQ(cell->grid.joints()[0].name, "joint_1");
+  EXPECT_NEAR(cell->grid.joints()[0].upper, 150 * 3.14159265 / 180, 1e-6);
+  EXPECT_EQ(cell->fixed_joints.size(), 4u);
+  ASSERT_EQ(cell->views.size(), 2u);
+
+  const Outcome checked = cell_.Run(cell_.Arguments("check", {"--format", "json"}));
+  ASSERT_EQ(checked.exit_code, 0) << checked.out << checked.err;
+  const auto json = nlohmann::json::parse(checked.out);
+  std::vector<std::string> whats;
+  for (const auto& finding : json["findings"]) whats.push_back(finding["what"]);
+  EXPECT_THAT(whats, ElementsAre("grid", "robot", "view front", "view top", "cameras", "database",
+                                 "disk", "forbidden regions"));
+}
+
+TEST_F(NewCell, ManyJointsAreDrawn) {
+  const Outcome made = Init({"--view", "top=/dev/video0", "--view", "front=rtsp://127.0.0.1/x"});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const auto cell = LoadCell(cell_.cell());
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_TRUE(cell->robot.drawn.has_value());
+  EXPECT_EQ(cell->grid.dimensions(), 6);
+  EXPECT_THAT(ReadText(cell_.cell()),
+              AllOf(HasSubstr("{v4l2: \"/dev/video0\"}"), HasSubstr("{rtsp: \"rtsp:")));
+}
+
+TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
+  const std::vector<std::pair<std::vector<std::string>, std::string>> mistakes = {
+      {{"--joint", "elbow", "--view", "top=sim"}, "it has joint_1, joint_2"},
+      {{"--joint", "joint_1=3", "--view", "top=sim"}, "joint_1=-90deg:90deg"},
+      {{"--joint", "joint_1=1:-1", "--view", "top=/dev/video0"}, "joint_1"},
+      {{"--view", "top"}, "write name=source"},
+      {{"--view", "top=/dev/video0", "--view", "top=/dev/video1"}, "stands twice"},
+      {{"--view", "top={usb: 3}"}, "usb"}};
+  for (const auto& [arguments, mend] : mistakes) {
+    const Outcome made = Init(arguments);
+    EXPECT_EQ(made.exit_code, 2) << mend;
+    EXPECT_THAT(made.err, HasSubstr(mend));
+    EXPECT_FALSE(std::filesystem::exists(cell_.cell())) << mend;
+  }
+}
+
+TEST_F(NewCell, AFileThatIsThereIsKept) {
+  WriteText(cell_.cell(), "mine");
+  EXPECT_EQ(InitSimulated().exit_code, 2);
+  EXPECT_EQ(ReadText(cell_.cell()), "mine");
+}
+
+TEST_F(NewCell, CheckNamesImagesThatAreTooDark) {
+  ASSERT_EQ(InitSimulated().exit_code, 0);
+  WriteText(cell_ / "simulation.yaml", ReadText(cell_ / "simulation.yaml") + "exposure: 0.1\n");
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1) << checked.out << checked.err;
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  view top"), HasSubstr("too dark"),
+                                 HasSubstr("ok     robot")));
+}
+
+TEST_F(NewCell, CheckNamesADriverThatDoesNotAnswer) {
+  ASSERT_EQ(Init({"--joint", "joint_1", "--driver", "{grpc: \"127.0.0.1:1\"}", "--view",
+                  "top={folder: images}"})
+                .exit_code,
+            0);
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1) << checked.out << checked.err;
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  devices"), HasSubstr("127.0.0.1:1")));
+}
+
+}  // namespace
+}  // namespace silhouette

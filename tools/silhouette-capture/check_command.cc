@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-capture check: all that can be known of a cell before its robot moves.
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/time.h"
+#include "capture/devices/camera_set.h"
+#include "common/result/result.h"
+#include "db/status/status_macros.h"
+#include "tools/cell/devices/cell_devices.h"
+#include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/run_plan.h"
+
+namespace silhouette {
+namespace {
+
+// An image of which more is white shows too little: obstacles before it are white, too.
+constexpr double kMostWhite = 0.02;
+constexpr double kLeastLevel = 20;
+
+struct Finding {
+  std::string what;
+  bool good = false;
+  std::string text;
+};
+using Findings = std::vector<Finding>;
+
+Finding OfGrid(const Cell& cell) {
+  if (cell.robot.drawn) {
+    return {"grid", true,
+            absl::StrCat("robot images are drawn; ", cell.grid.dimensions(), " joints move")};
+  }
+  std::vector<std::string> steps;
+  for (const GridJoint& joint : cell.grid.joints()) {
+    steps.push_back(absl::StrCat(joint.name, " ", joint.steps));
+  }
+  std::string text =
+      absl::StrFormat("%d configurations (%s)", cell.grid.size(), absl::StrJoin(steps, ", "));
+  if (cell.grid_move > 0) {
+    absl::StrAppendFormat(&text, ", at most %.3g m from one to the next", cell.grid_move);
+  }
+  return {"grid", true, text};
+}
+
+// Where the robot's joints stand, against the cell's file.
+Findings OfRobot(const Cell& cell, Robot& robot) {
+  const auto state = robot.State();
+  if (!state.ok()) return {{"robot", false, std::string(state.status().message())}};
+  if (state->moving) return {{"robot", false, "it moves; stop it first"}};
+  Findings findings;
+  const auto position = [&](const std::string& name) -> std::optional<double> {
+    const auto found = std::ranges::find(robot.joints(), name);
+    if (found == robot.joints().end()) return std::nullopt;
+    return state->positions[static_cast<size_t>(found - robot.joints().begin())];
+  };
+  const auto fault = [&](const std::string& name, const std::string& text) {
+    findings.push_back({"joint " + name, false, text});
+  };
+  for (const GridJoint& joint : cell.grid.joints()) {
+    const auto value = position(joint.name);
+    if (!value) {
+      fault(joint.name,
+            "the robot's driver does not know it; it knows " + absl::StrJoin(robot.joints(), ", "));
+    } else if (!joint.continuous && (*value < joint.lower - cell.capture.joint_tolerance ||
+                                     *value > joint.upper + cell.capture.joint_tolerance)) {
+      fault(joint.name, absl::StrFormat("stands at %.4g, outside its range %.4g to %.4g", *value,
+                                        joint.lower, joint.upper));
+    }
+  }
+  for (const FixedJoint& joint : cell.fixed_joints) {
+    const auto value = position(joint.name);
+    if (value && std::abs(*value - joint.position) > cell.capture.joint_tolerance) {
+      fault(joint.name,
+            absl::StrFormat("stands at %.4g, not at %.4g as 'fixed' says", *value, joint.position));
+    }
+  }
+  if (!findings.empty()) return findings;
+  return {{"robot", true, "answers, and stands within the cell's ranges"}};
+}
+
+Finding OfImage(const std::string& view, const CameraImage& image) {
+  uint64_t sum = 0, white = 0;
+  for (const uint8_t level : image.pixels) {
+    sum += level;
+    white += level == 255;
+  }
+  const auto count = static_cast<double>(std::max<size_t>(image.pixels.size(), 1));
+  const double level = static_cast<double>(sum) / count;
+  const double share = static_cast<double>(white) / count;
+  std::string text =
+      absl::StrFormat("%d x %d%s, mean level %.0f, %.1f %% white", image.width, image.height,
+                      image.channels == 3 ? ", colour" : "", level, 100 * share);
+  if (level < kLeastLevel) absl::StrAppend(&text, ": too dark; more light, or a longer exposure");
+  if (share > kMostWhite) {
+    absl::StrAppend(&text, ": overexposed; less light, or a shorter exposure");
+  }
+  return {"view " + view, level >= kLeastLevel && share <= kMostWhite, text};
+}
+
+Findings OfCameras(const Cell& cell, CameraSet& cameras) {
+  const auto images = cameras.Grab();
+  if (!images.ok()) return {{"cameras", false, std::string(images.status().message())}};
+  Findings findings;
+  for (size_t v = 0; v < images->size(); ++v) {
+    findings.push_back(OfImage(cameras.views()[v], (*images)[v]));
+  }
+  const absl::Duration skew = SkewOf(*images);
+  const bool close = skew <= cell.server.scene.max_skew;
+  findings.push_back(
+      {"cameras", close,
+       absl::StrFormat("%.1f ms between the oldest and the newest image, max_skew is %.0f ms%s",
+                       absl::ToDoubleMilliseconds(skew),
+                       absl::ToDoubleMilliseconds(cell.server.scene.max_skew),
+                       close ? "" : ": nothing would be free; trigger the cameras together")});
+  return findings;
+}
+
+// The database, and what is still to be captured into it.
+absl::StatusOr<Findings> OfCapture(const CellArguments& arguments, const CellFile& file,
+                                   const Travel& travel) {
+  const auto database = OpenDatabase(file, Database::Access::kRead);
+  Findings findings;
+  if (absl::IsNotFound(database.status())) {
+    findings.push_back(
+        {"database", true, absl::StrCat("not there yet; next: ", arguments.Command("reference"))});
+  } else if (!database.ok()) {
+    return Findings{{"database", false, std::string(database.status().message())}};
+  } else {
+    findings.push_back({"database", true, absl::StrCat(file.database, " is of this cell")});
+  }
+  if (file.cell.robot.drawn) return findings;
+  const Database* stored = database.ok() ? database->get() : nullptr;
+  ASSIGN_OR_RETURN(const auto plan, MakePlan({}, arguments, file.cell, travel, stored));
+  const DiskRoom room = RoomFor(plan, file, stored);
+  findings.push_back(
+      {"disk", room.Suffices(plan),
+       room.Suffices(plan) ? "there is room for the capture" : TooLittleRoom(plan, room)});
+  findings.push_back({"forbidden regions", plan.parts <= 1,
+                      plan.parts <= 1
+                          ? absl::StrCat(plan.exclusions.size(), " configurations are forbidden")
+                          : absl::StrCat("they cut the grid into ", plan.parts,
+                                         " parts; the robot captures the one it stands in")});
+  return findings;
+}
+
+absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(arguments));
+  const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
+  Findings findings = {OfGrid(file.cell)};
+  const auto add = [&](const Findings& more) {
+    findings.insert(findings.end(), more.begin(), more.end());
+  };
+  const auto devices = OpenDevices(file.cell, travel, file.variant);
+  if (devices.ok()) {
+    add(OfRobot(file.cell, *devices->robot));
+    add(OfCameras(file.cell, *devices->cameras));
+  } else {
+    add({{"devices", false, std::string(devices.status().message())}});
+  }
+  ASSIGN_OR_RETURN(const Findings capture, OfCapture(arguments, file, travel));
+  add(capture);
+
+  const bool good = std::ranges::all_of(findings, &Finding::good);
+  nlohmann::ordered_json json = {{"good", good}, {"findings", nlohmann::ordered_json::array()}};
+  std::string text;
+  for (const Finding& finding : findings) {
+    json["findings"].push_back(
+        {{"what", finding.what}, {"good", finding.good}, {"text", finding.text}});
+    absl::StrAppendFormat(&text, "%-5s  %s: %s\n", finding.good ? "ok" : "FAULT", finding.what,
+                          finding.text);
+  }
+  PrintResult(arguments.format, json, text);
+  return good ? kDone : kNo;
+}
+
+}  // namespace
+
+void AddCheck(CLI::App& app, Work& work) {
+  CLI::App* command = app.add_subcommand(
+      "check",
+      "Shows all that can be known before the robot moves: whether it answers and where it "
+      "stands,\n"
+      "one image of each camera, the grid, the database, the disk. Moves and stores nothing.\n"
+      "Exit code 0: no fault; 1: there are faults.");
+  command->footer("Example:\n  silhouette-capture check --cell cell.yaml");
+  const auto arguments = std::make_shared<CellArguments>();
+  AddCellOptions(*command, *arguments);
+  AddVariantOption(*command, *arguments);
+  command->callback([arguments, &work] { work = [arguments] { return Check(*arguments); }; });
+}
+
+}  // namespace silhouette
