@@ -7,6 +7,7 @@ install(DIRECTORY ${made}/man/programs/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1
 install(DIRECTORY ${made}/man/server/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT server OPTIONAL)
 install(DIRECTORY ${made}/html DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/silhouette-doc COMPONENT doc OPTIONAL)
 install(FILES ${package}/silhouette-server@.service DESTINATION lib/systemd/system COMPONENT server)
+install(FILES ${PROJECT_SOURCE_DIR}/docs/cell.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/silhouette COMPONENT programs)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/monitoring DESTINATION ${CMAKE_INSTALL_DATADIR}/silhouette COMPONENT server)
 install(FILES ${package}/silhouette.sysusers RENAME silhouette.conf DESTINATION lib/sysusers.d COMPONENT server)
 
