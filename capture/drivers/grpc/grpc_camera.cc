@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
+#include "capture/drivers/grpc/driver_status.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/camera_image.h"
 #include "db/status/status_macros.h"
@@ -23,15 +24,11 @@ namespace {
 // How far the clock of a driver's machine may be off.
 constexpr absl::Duration kClockTolerance = absl::Milliseconds(20);
 constexpr int kLargestMessage = 1 << 30;
+constexpr char kDriver[] = "camera driver";
 
 // The deadline of a call that begins now, which gRPC takes by the wall clock and keeps by another.
 std::chrono::system_clock::time_point Within(absl::Duration time) {
   return absl::ToChronoTime(absl::Now() + time);
-}
-
-absl::Status GrpcCameraStatusOf(const grpc::Status& status, const std::string& address) {
-  return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
-                      absl::StrCat("the camera driver at ", address, ": ", status.error_message()));
 }
 
 // When an image of a call from `begin` to `end` was taken.
@@ -84,8 +81,8 @@ class GrpcCameras : public CameraSource {
     grpc::ClientContext context;
     context.set_deadline(Within(timeout_));
     v1::GetCamerasResponse response;
-    RETURN_IF_ERROR(GrpcCameraStatusOf(
-        stub_->GetCameras(&context, v1::GetCamerasRequest(), &response), address_));
+    RETURN_IF_ERROR(DriverStatus(kDriver, address_,
+                                 stub_->GetCameras(&context, v1::GetCamerasRequest(), &response)));
     for (const GrpcView& view : views) {
       const auto& cameras = response.cameras();
       const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& candidate) {
@@ -128,7 +125,7 @@ class GrpcCameras : public CameraSource {
     }
     const absl::Time end = absl::Now();
     const std::unique_ptr<Grab> call = std::move(call_);
-    const absl::Status status = GrpcCameraStatusOf(call->status, address_);
+    const absl::Status status = DriverStatus(kDriver, address_, call->status);
     if (absl::IsDeadlineExceeded(status) || absl::IsCancelled(status)) {
       return absl::DeadlineExceededError(absl::StrCat("no images from the camera driver at ",
                                                       address_, " within ",

@@ -14,6 +14,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/drivers/grpc/driver_status.h"
 #include "silhouette/v1/robot_driver.grpc.pb.h"
 
 namespace silhouette {
@@ -27,8 +28,7 @@ absl::Status GrpcRobotLinkStatusOf(const std::string& address, const grpc::Statu
   if (status.error_code() == grpc::StatusCode::CANCELLED) {
     return absl::UnavailableError(absl::StrCat("the driver at ", address, " ended a call"));
   }
-  return absl::Status(static_cast<absl::StatusCode>(status.error_code()),
-                      absl::StrCat("the driver at ", address, ": ", status.error_message()));
+  return DriverStatus("robot driver", address, status);
 }
 
 class GrpcRobotLink : public ControllerLink {
