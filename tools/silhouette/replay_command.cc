@@ -50,6 +50,13 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
   return summary.start + after;
 }
 
+absl::Status InUse(const Client& client) {
+  return FailedPrecondition(
+      "the server at ", client.address(),
+      " gets scenes from elsewhere, and its answers would be about recorded ones; replay to a "
+      "server of its own: silhouette-server --database ... --listen 127.0.0.1:0");
+}
+
 // Refuses a server that somebody else publishes scenes to: it would answer about recorded ones.
 absl::Status RequireQuiet(const Client& client) {
   uint64_t last = 0;
@@ -58,12 +65,7 @@ absl::Status RequireQuiet(const Client& client) {
     const absl::StatusOr<v1::Scene> scene = client.GetScene();
     if (!scene.ok() && !absl::IsNotFound(scene.status())) return scene.status();
     const uint64_t id = scene.ok() ? scene->id() : 0;
-    if (look > 0 && id != last) {
-      return FailedPrecondition(
-          "the server at ", client.address(),
-          " gets scenes from elsewhere, and its answers would be about recorded ones; replay to a "
-          "server of its own: silhouette-server --database ... --listen 127.0.0.1:0");
-    }
+    if (look > 0 && id != last) return InUse(client);
     last = id;
   }
   return absl::OkStatus();
@@ -128,6 +130,7 @@ absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arg
   bool compared = false;
   std::optional<absl::Time> first;
   absl::Time began;
+  uint64_t last_id = 0;
   uint64_t published = 0;
   uint64_t with_defects = 0;
   while (true) {
@@ -147,7 +150,9 @@ absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arg
       state = *news;
     } else if (const auto* scene = std::get_if<v1::Scene>(&recorded->message)) {
       const auto now = std::chrono::steady_clock::now();
-      RETURN_IF_ERROR(client.PublishScene(RequestOf(*scene), now).status());
+      ASSIGN_OR_RETURN(const v1::Scene made, client.PublishScene(RequestOf(*scene), now));
+      if (last_id != 0 && made.id() != last_id + 1) return InUse(client);
+      last_id = made.id();
       ++published;
       if (!scene->defects().empty()) ++with_defects;
     }

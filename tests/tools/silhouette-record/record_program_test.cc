@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "silhouette/client.h"
+#include "silhouette/messages.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 #include "tools/recording/recording.h"
 
@@ -190,6 +193,30 @@ TEST_F(RecordProgram, SceneWithDefectsIsNeverFreeInAReplay) {
   const Ended fed = Replay(file + " --format json --speed 10 --to " + other.address());
   EXPECT_EQ(Json::parse(fed.out)["with_defects"], 1) << fed.err;
   EXPECT_EQ(other.Run("check --format json 0,0").out.find("\"free\""), std::string::npos);
+}
+
+TEST_F(RecordProgram, ServerInUseIsRefused) {
+  RecordAStop("");
+  const absl::StatusOr<Client> client = Client::Connect(cell_.address());
+  ASSERT_TRUE(client.ok());
+  std::atomic<bool> end = false;
+  std::thread publisher([&] {
+    v1::PublishSceneRequest request;
+    for (const std::string view : {"left", "right"}) {
+      v1::ViewImage& image = *request.add_views();
+      image.set_view(view);
+      *image.mutable_scene_mask() = client::ToMessage(RobotAt(0, 0));
+    }
+    while (!end) {
+      EXPECT_TRUE(client->PublishScene(request).ok());
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+  });
+  const Ended ended = Replay(Files("recording-").at(0) + " --to " + cell_.address());
+  end = true;
+  publisher.join();
+  EXPECT_EQ(ended.exit_code, 2);
+  EXPECT_THAT(ended.err, HasSubstr("gets scenes from elsewhere"));
 }
 
 TEST_F(RecordProgram, KilledRecorderLeavesAFileThatIsRead) {
