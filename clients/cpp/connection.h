@@ -83,6 +83,7 @@ class Connection {
 
   const std::string& address() const { return address_; }
   v1::CollisionService::Stub& collisions() const { return *collisions_; }
+  v1::SceneService::Stub& scenes() const { return *scenes_; }
 
   // The end of a call, in one sentence. `timeout`: the call's.
   absl::Status SentenceFor(const grpc::Status& status, absl::Duration timeout) const;

@@ -28,4 +28,4 @@ _silhouette_subcommands() {
 }
 
 complete -o filenames -F _silhouette silhouette silhouette-calibrate silhouette-capture silhouette-db \
-  silhouette-experiments silhouette-server silhouette-sim
+  silhouette-experiments silhouette-record silhouette-server silhouette-sim

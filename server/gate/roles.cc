@@ -26,6 +26,8 @@ constexpr std::pair<std::string_view, Access> kCalls[] = {
     {"/silhouette.v1.SceneService/ChangeVariant", Access::kOperator},
     {"/silhouette.v1.SceneService/AllowRegion", Access::kOperator},
     {"/silhouette.v1.SceneService/RevokeRegion", Access::kOperator},
+    // What other clients ask, and camera images.
+    {"/silhouette.v1.SceneService/WatchScenes", Access::kOperator},
     {"/silhouette.v1.SceneService/GetScene", Access::kAnyRole},
     {"/silhouette.v1.SceneService/GetAcquisition", Access::kAnyRole},
     {"/silhouette.v1.SceneService/ListAllowedRegions", Access::kAnyRole},

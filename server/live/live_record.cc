@@ -4,6 +4,8 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <utility>
 
@@ -65,6 +67,20 @@ std::string TitleOf(const std::string& view) {
 }
 
 }  // namespace
+
+std::string JpegOf(const CameraImage& image, int widest) {
+  constexpr int kQuality = 75;
+  const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
+                       const_cast<uint8_t*>(image.pixels.data()));
+  cv::Mat small = pixels;
+  if (pixels.cols > widest) {
+    const double scale = static_cast<double>(widest) / pixels.cols;
+    cv::resize(pixels, small, {}, scale, scale, cv::INTER_AREA);
+  }
+  std::vector<uint8_t> bytes;
+  cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, kQuality});
+  return {bytes.begin(), bytes.end()};
+}
 
 std::string Spoken(const LiveStatus& status) {
   std::string text = absl::StrCat(status.scenes, " scenes, ", status.lost_sets,

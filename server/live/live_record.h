@@ -94,6 +94,9 @@ struct LiveImages {
   std::vector<std::optional<CameraImage>> images;  // by view; nothing where there was none
 };
 
+// A JPEG file of the image for people to look at: made smaller if it is wider than `widest` pixels.
+std::string JpegOf(const CameraImage& image, int widest);
+
 // One line for the log.
 std::string Spoken(const LiveStatus& status);
 

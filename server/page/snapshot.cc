@@ -10,8 +10,6 @@
 #include <cmath>
 #include <exception>
 #include <nlohmann/json.hpp>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <set>
 #include <span>
 #include <utility>
@@ -34,7 +32,6 @@ constexpr size_t kMostPaths = 8;
 constexpr size_t kMostWaypoints = 200;
 constexpr uint64_t kMostCells = 1 << 20;
 constexpr int kImageWidth = 480;
-constexpr int kJpegQuality = 75;
 constexpr std::chrono::milliseconds kMapTime{50};
 
 // As the API's JSON, with the fields' names of the .proto files and without leaving out zeros.
@@ -52,20 +49,6 @@ json MaskJson(const std::optional<Mask>& mask) {
   v1::Mask message;
   ToMessage(*mask, &message);
   return JsonOf(message);
-}
-
-// Base64 of a JPEG file, at most kImageWidth wide.
-std::string JpegOf(const CameraImage& image) {
-  const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
-                       const_cast<uint8_t*>(image.pixels.data()));
-  cv::Mat small = pixels;
-  if (pixels.cols > kImageWidth) {
-    const double scale = static_cast<double>(kImageWidth) / pixels.cols;
-    cv::resize(pixels, small, {}, scale, scale, cv::INTER_AREA);
-  }
-  std::vector<uint8_t> bytes;
-  cv::imencode(".jpg", small, bytes, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
-  return absl::Base64Escape({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 // The joint values of the grid in a scene; nothing if one is not there.
@@ -101,7 +84,7 @@ json ViewsJson(const Serving& serving, const Checker& checker,
     shown["allowed"] = MaskJson(allowed);
     if (images != nullptr && images->scene == served.scene->id && i < images->images.size() &&
         images->images[i]) {
-      shown["image"] = JpegOf(*images->images[i]);
+      shown["image"] = absl::Base64Escape(JpegOf(*images->images[i], kImageWidth));
     }
   }
   return views;

@@ -108,16 +108,12 @@ absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) 
                    " in the future; let the clocks of camera and server agree"));
 }
 
-// What was made into a view of a scene.
-struct ViewSource {
-  const ViewInput* input = nullptr;
-  std::optional<ImageCondition> condition = std::nullopt;
-};
+// By view, of those that were made of camera images.
+using Conditions = std::vector<std::optional<ImageCondition>>;
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured,
-                     const std::vector<RobotCover>& covers, Scene& scene,
-                     std::vector<ViewSource>& sources) {
+                     const std::vector<RobotCover>& covers, Scene& scene, Conditions& conditions) {
   ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
   ASSIGN_OR_RETURN(SceneMask shown, ShownIn(database, view, input, segmentation));
   const auto at = static_cast<size_t>(view);
@@ -129,25 +125,21 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                               .captured = captured,
                               .foreground = std::move(shown.mask),
                               .strong = std::move(shown.strong),
+                              .separates_robot = std::holds_alternative<ObstacleMask>(input.image),
                               .ignored = treatment.ignored,
                               .margin = treatment.margin};
-  sources[at] = {&input, shown.condition};
+  conditions[at] = shown.condition;
   return absl::OkStatus();
 }
 
-bool SeparatesTheRobot(const ViewSource& source) {
-  return std::holds_alternative<ObstacleMask>(source.input->image);
-}
-
-void MakeObstacleImages(const std::vector<RobotCover>& covers,
-                        const std::vector<ViewSource>& sources, WeakRim weak_rim, Scene& scene) {
+void MakeObstacleImages(const std::vector<RobotCover>& covers, WeakRim weak_rim, Scene& scene) {
   if (covers.empty()) return;
   for (size_t view = 0; view < scene.views.size(); ++view) {
     if (!scene.views[view]) continue;
     SceneView& seen = *scene.views[view];
     const Mask& foreground = seen.foreground;
     const RobotCover& robot = covers[view];
-    ObstacleImage image = SeparatesTheRobot(sources[view])
+    ObstacleImage image = seen.separates_robot
                               ? ObstacleImage::FromObstacles(foreground, robot.anywhere)
                               : ObstacleImage::FromScene(foreground, robot.anywhere, robot.certain);
     if (seen.strong && weak_rim == WeakRim::kUnknown) {
@@ -186,8 +178,7 @@ std::string WhyNoVariant(const ServedDatabase& whole, const SceneInput& input) {
 
 // What is wrong with what the views of the scene show.
 std::vector<SceneDefect> DefectsOfViews(const ServedDatabase& database,
-                                        const SceneSettings& settings,
-                                        const std::vector<ViewSource>& sources,
+                                        const SceneSettings& settings, const Conditions& conditions,
                                         const std::vector<RobotCover>& covers, const Scene& scene) {
   std::vector<std::string> names;
   std::vector<ViewToCheck> checked;
@@ -195,10 +186,9 @@ std::vector<SceneDefect> DefectsOfViews(const ServedDatabase& database,
     names.push_back(database.view_name(static_cast<int>(view)));
     const std::optional<SceneView>& seen = scene.views[view];
     if (!seen) continue;
-    const ViewSource& source = sources[view];
     checked.push_back({.name = seen->name,
-                       .condition = source.condition ? &*source.condition : nullptr,
-                       .foreground = SeparatesTheRobot(source) ? nullptr : &seen->foreground,
+                       .condition = conditions[view] ? &*conditions[view] : nullptr,
+                       .foreground = seen->separates_robot ? nullptr : &seen->foreground,
                        .robot = covers.empty() ? nullptr : &covers[view],
                        .base = &database.robot_images().permanent(static_cast<int>(view)),
                        .ignored = seen->ignored ? &*seen->ignored : nullptr});
@@ -207,7 +197,7 @@ std::vector<SceneDefect> DefectsOfViews(const ServedDatabase& database,
 }
 
 void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
-                 const SceneInput& input, const std::vector<ViewSource>& sources,
+                 const SceneInput& input, const Conditions& conditions,
                  const std::vector<RobotCover>& covers, Scene& scene) {
   if (!database.margins_known().ok()) {
     scene.defects.push_back(
@@ -220,7 +210,7 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
                       " apart, more than max_skew, ", absl::FormatDuration(settings.max_skew),
                       "; trigger the cameras together")});
   }
-  std::ranges::move(DefectsOfViews(database, settings, sources, covers, scene),
+  std::ranges::move(DefectsOfViews(database, settings, conditions, covers, scene),
                     std::back_inserter(scene.defects));
   for (int view = 0; view < database.views(); ++view) {
     const std::optional<SceneView>& seen = scene.views[static_cast<size_t>(view)];
@@ -277,7 +267,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.obstacle_images.resize(views);
   scene.without_margins.resize(views);
   ASSIGN_OR_RETURN(RobotInScene robot, RobotOf(database, input, settings));
-  std::vector<ViewSource> sources(views);
+  Conditions conditions(views);
   scene.oldest = {absl::InfiniteFuture(), absl::InfiniteDuration()};
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t i = 0; i < input.views.size(); ++i) {
@@ -285,7 +275,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
     if (!captured.ok()) return InField(captured.status(), i, view);
     const absl::Status added =
-        AddView(database, view, segmentation, captured->time, robot.covers, scene, sources);
+        AddView(database, view, segmentation, captured->time, robot.covers, scene, conditions);
     if (!added.ok()) return InField(added, i, view);
     if (captured->running < scene.oldest.running) scene.oldest = *captured;
     newest = std::max(newest, captured->running);
@@ -303,8 +293,8 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
                          {Reason::kVariantUnknown, WhyNoVariant(whole, input)});
   }
   scene.defects = std::move(robot.defects);
-  MakeObstacleImages(robot.covers, sources, settings.weak_rim, scene);
-  FindDefects(database, settings, input, sources, robot.covers, scene);
+  MakeObstacleImages(robot.covers, settings.weak_rim, scene);
+  FindDefects(database, settings, input, conditions, robot.covers, scene);
   return scene;
 }
 

@@ -39,6 +39,8 @@ struct SceneView {
   Mask foreground;
   // As SceneMask::strong.
   std::optional<Mask> strong;
+  // The sensor separates obstacles by itself.
+  bool separates_robot = false;
   // Error pixels whose neighbours are all error pixels.
   uint32_t core_error_pixels = 0;
   // Pixels that prove nothing in this view, and its safety margin in pixels.

@@ -55,8 +55,10 @@ absl::StatusOr<Served> WithVariant(Served served, const std::string& name);
 
 class SceneStore {
  public:
+  static constexpr uint64_t kKept = 16;
+
   // `kept`: how many scenes, the newest included, can be asked for by id.
-  explicit SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept = 16);
+  explicit SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept = kKept);
 
   // Gives the scene its id and makes it the newest. `database`: what it was made with.
   // FailedPrecondition if its oldest image is older than that of the newest scene, by more than

@@ -90,12 +90,12 @@ class Collisions final : public CollisionCalls {
 
   grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchConfigurationSpace(
       grpc::CallbackServerContext* context, const grpc::ByteBuffer* request) override {
-    return Watch<SpaceWatch, v1::WatchConfigurationSpaceRequest>(context, *request);
+    return StartWatch<SpaceWatch, v1::WatchConfigurationSpaceRequest>(serving_, context, *request);
   }
 
   grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchPath(grpc::CallbackServerContext* context,
                                                         const grpc::ByteBuffer* request) override {
-    return Watch<PathWatch, v1::CheckPathRequest>(context, *request);
+    return StartWatch<PathWatch, v1::CheckPathRequest>(serving_, context, *request);
   }
 
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* StreamChecks(
@@ -120,19 +120,6 @@ class Collisions final : public CollisionCalls {
   }
 
  private:
-  template <typename Kind, typename Request>
-  grpc::ServerWriteReactor<grpc::ByteBuffer>* Watch(grpc::CallbackServerContext* context,
-                                                    const grpc::ByteBuffer& request) {
-    Request typed;
-    absl::StatusOr<Clients::Place> place = AdmitStream(serving_, *context);
-    absl::Status status = place.status();
-    if (status.ok()) status = ReadRequest(request, typed);
-    if (!status.ok()) return new Refusal<grpc::ServerWriteReactor<grpc::ByteBuffer>>(status);
-    const auto watch = std::make_shared<Kind>(serving_, context, *std::move(place), typed);
-    watch->Start();
-    return watch.get();
-  }
-
   absl::Status SendSpace(const grpc::CallbackServerContext* context, const grpc::ByteBuffer& bytes,
                          SpaceWriter* writer) {
     v1::GetConfigurationSpaceRequest request;

@@ -152,6 +152,8 @@ void ToMessage(const Scene& scene, bool include_planes, std::span<const SceneDef
     if (seen.ignored) view.set_ignored_pixels(static_cast<uint32_t>(seen.ignored->Count()));
     if (include_planes) ToMessage(seen.foreground, view.mutable_scene());
     if (include_planes && seen.ignored) ToMessage(*seen.ignored, view.mutable_ignored());
+    if (include_planes && seen.strong) ToMessage(*seen.strong, view.mutable_strong());
+    view.set_separates_robot(seen.separates_robot);
     if (!scene.obstacle_images[i]) continue;
     const ObstacleImage& image = *scene.obstacle_images[i];
     view.set_obstacle_pixels(static_cast<uint32_t>(image.obstacle().Count()));

@@ -74,7 +74,12 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const Scen
     case v1::ViewImage::kSceneMask: {
       ASSIGN_OR_RETURN(Mask mask,
                        MaskFrom(message.scene_mask(), absl::StrCat(field, ".scene_mask")));
-      input.image = SceneMask{std::move(mask)};
+      SceneMask shown{std::move(mask)};
+      if (message.has_strong_mask()) {
+        ASSIGN_OR_RETURN(shown.strong,
+                         MaskFrom(message.strong_mask(), absl::StrCat(field, ".strong_mask")));
+      }
+      input.image = std::move(shown);
       return input;
     }
     case v1::ViewImage::kObstacleMask: {

@@ -17,6 +17,7 @@
 #include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/serving.h"
+#include "server/service/streams.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
 
@@ -65,7 +66,8 @@ using SceneCalls = SceneService::WithRawCallbackMethod_PublishScene<
             SceneService::WithRawCallbackMethod_AllowRegion<
                 SceneService::WithRawCallbackMethod_RevokeRegion<
                     SceneService::WithRawCallbackMethod_ListAllowedRegions<
-                        SceneService::Service>>>>>>>;
+                        SceneService::WithRawCallbackMethod_WatchScenes<
+                            SceneService::Service>>>>>>>>;
 using DatabaseCalls =
     v1::DatabaseService::WithRawCallbackMethod_GetDatabase<v1::DatabaseService::Service>;
 
@@ -127,6 +129,11 @@ class Scenes final : public SceneCalls {
           return absl::OkStatus();
         });
     return AnswerOn(serving_.scene_workers, serving_, context, *in, work);
+  }
+
+  grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchScenes(
+      grpc::CallbackServerContext* context, const grpc::ByteBuffer* request) override {
+    return StartWatch<SceneWatch, v1::WatchScenesRequest>(serving_, context, *request);
   }
 
   grpc::ServerUnaryReactor* GetAcquisition(grpc::CallbackServerContext* context,

@@ -9,6 +9,7 @@
 #include "server/collision/policy.h"
 #include "server/service/answers.h"
 #include "server/service/calls.h"
+#include "server/service/defects.h"
 #include "server/service/messages.h"
 #include "server/service/space_writer.h"
 #include "server/service/streams.h"
@@ -32,6 +33,7 @@ absl::StatusOr<bool> PathWatch::Prepare() {
   told_of_ = state;
   last_scene_ = std::max(last_scene_, scene);
   path_->Note(update, serving().settings.clock().running);
+  serving().watched_paths.CountAnswer();
   update_ = std::move(update);
   return true;
 }
@@ -39,6 +41,120 @@ absl::StatusOr<bool> PathWatch::Prepare() {
 bool PathWatch::NextPart(v1::WatchPathResponse& part) {
   part = std::move(update_);
   return false;
+}
+
+namespace {
+
+constexpr std::chrono::milliseconds kBetweenImages{200};
+constexpr int kRecordedImageWidth = 640;
+
+}  // namespace
+
+SceneWatch::SceneWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
+                       const v1::WatchScenesRequest& request)
+    : WatchWriter(serving, context, std::move(place)),
+      include_images_(request.include_images() && serving.settings.live != nullptr) {
+  if (include_images_) serving.settings.live->KeepImages();
+}
+
+uint64_t SceneWatch::Beside() const { return serving().watched_paths.answers(); }
+
+absl::StatusOr<bool> SceneWatch::Prepare() {
+  const Moment now = serving().settings.clock();
+  parts_.clear();
+  AddState(now);
+  AddScenes();
+  AddImages();
+  AddPaths();
+  std::ranges::reverse(parts_);
+  return !parts_.empty();
+}
+
+bool SceneWatch::NextPart(v1::WatchScenesResponse& part) {
+  part = std::move(parts_.back());
+  parts_.pop_back();
+  return !parts_.empty();
+}
+
+void SceneWatch::AddState(const Moment& now) {
+  const ServingSettings& settings = serving().settings;
+  const Served served = serving().scenes.Newest(now);
+  const Reason blocked = BlockedReason(served, settings.scene, now);
+  WatchedState state(served, blocked, CalibrationReason(served, now));
+  state.scene = 0;  // scenes are sent for themselves
+  if (state == told_of_) return;
+  told_of_ = state;
+  v1::ServedState& told = *parts_.emplace_back().mutable_state();
+  told.set_database_generation(served.database->generation());
+  told.set_unknown_reason(ToMessage(blocked));
+  if (blocked != Reason::kNone) {
+    for (const SceneDefect& defect : DefectsOf(served, blocked, settings, now)) {
+      ToMessage(defect, told.add_defects());
+    }
+  }
+  for (const AllowedRegion& region : served.regions->regions) {
+    ToMessage(region, *served.database, now, told.add_regions());
+  }
+}
+
+void SceneWatch::AddScenes() {
+  const SharedScene newest = serving().scenes.Find(0);
+  if (newest == nullptr || newest->id == last_scene_) return;
+  uint64_t id = newest->id;
+  if (last_scene_ != 0) {
+    id = std::max(last_scene_ + 1, id - std::min(id, SceneStore::kKept) + 1);
+  }
+  for (; id <= newest->id; ++id) {
+    const SharedScene scene = id == newest->id ? newest : serving().scenes.Find(id);
+    if (scene == nullptr) continue;
+    ToMessage(*scene, /*include_planes=*/true, scene->defects,
+              parts_.emplace_back().mutable_scene());
+  }
+  last_scene_ = newest->id;
+}
+
+void SceneWatch::AddImages() {
+  if (!include_images_) return;
+  const std::shared_ptr<const LiveImages> images = serving().settings.live->images();
+  const auto now = std::chrono::steady_clock::now();
+  if (images == nullptr || images->scene <= last_images_) return;
+  if (now - images_sent_ < kBetweenImages) return;
+  last_images_ = images->scene;
+  images_sent_ = now;
+  v1::WatchScenesResponse& part = parts_.emplace_back();
+  part.set_images_scene(images->scene);
+  const ServedDatabase& database = *serving().scenes.database();
+  const size_t views = std::min(images->images.size(), static_cast<size_t>(database.views()));
+  for (size_t view = 0; view < views; ++view) {
+    if (!images->images[view]) continue;
+    v1::CameraPicture& picture = *part.add_images();
+    picture.set_view(database.view_name(static_cast<int>(view)));
+    picture.set_jpeg(JpegOf(*images->images[view], kRecordedImageWidth));
+  }
+}
+
+void SceneWatch::AddPaths() {
+  v1::WatchScenesResponse changed;
+  std::map<uint64_t, std::shared_ptr<const WatchedPath::Told>> ended = std::move(told_paths_);
+  told_paths_.clear();
+  for (const std::shared_ptr<const WatchedPath>& path : serving().watched_paths.All()) {
+    const auto told = path->told();
+    const auto before = ended.extract(path->id);
+    if (told == nullptr) continue;
+    told_paths_.emplace(path->id, told);
+    if (!before.empty() && before.mapped() == told) continue;
+    v1::WatchedPath& added = *changed.add_paths();
+    added.set_id(path->id);
+    added.set_client(path->client);
+    *added.mutable_request() = path->request;
+    *added.mutable_answer() = told->response;
+  }
+  for (const auto& [id, told] : ended) {
+    v1::WatchedPath& gone = *changed.add_paths();
+    gone.set_id(id);
+    gone.set_ended(true);
+  }
+  if (changed.paths_size() > 0) parts_.push_back(std::move(changed));
 }
 
 namespace {

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -25,6 +26,7 @@
 #include "server/service/serving.h"
 #include "server/service/watch_hub.h"
 #include "silhouette/v1/collision_service.pb.h"
+#include "silhouette/v1/scene_service.pb.h"
 
 namespace silhouette {
 
@@ -61,7 +63,7 @@ class WatchWriter : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
 
   void Tell(uint64_t version) final {
     std::unique_lock lock(mutex_);
-    told_ = std::max(told_, version);
+    told_ = std::max(told_, version + Beside());
     if (step_ == Step::kWriting && Clock::now() > write_end_) context_->TryCancel();
     GoOn(lock);
   }
@@ -75,10 +77,13 @@ class WatchWriter : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   // call.
   virtual absl::StatusOr<bool> Prepare() = 0;
 
+  // Counts, and never goes back: changes that this watcher waits for beside those of the hub.
+  virtual uint64_t Beside() const { return 0; }
+
   // The next part of the update, in `message`, which is clear. False: it was the last one.
   virtual bool NextPart(Response& message) = 0;
 
-  Serving& serving() { return serving_; }
+  Serving& serving() const { return serving_; }
   // Whether the update that is worked on is of no use any more: the caller is gone, or the server
   // stops.
   bool cancelled() {
@@ -172,15 +177,28 @@ class WatchWriter : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
   std::optional<absl::Status> ending_;
 };
 
+// Begins a call that `Kind` answers, or refuses it.
+template <typename Kind, typename Request>
+grpc::ServerWriteReactor<grpc::ByteBuffer>* StartWatch(Serving& serving,
+                                                       grpc::CallbackServerContext* context,
+                                                       const grpc::ByteBuffer& request) {
+  Request typed;
+  absl::StatusOr<Clients::Place> place = AdmitStream(serving, *context);
+  absl::Status status = place.status();
+  if (status.ok()) status = ReadRequest(request, typed);
+  if (!status.ok()) return new Refusal<grpc::ServerWriteReactor<grpc::ByteBuffer>>(status);
+  const auto watch = std::make_shared<Kind>(serving, context, *std::move(place), typed);
+  watch->Start();
+  return watch.get();
+}
+
 // WatchPath: one call.
 class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
  public:
   PathWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
             const v1::CheckPathRequest& request)
       : WatchWriter(serving, context, std::move(place)),
-        path_(std::make_shared<WatchedPath>(ClientOf(*context), request)) {
-    serving.watched_paths.Add(path_);
-  }
+        path_(serving.watched_paths.Add(ClientOf(*context), request)) {}
 
  private:
   absl::StatusOr<bool> Prepare() override;
@@ -190,6 +208,34 @@ class PathWatch final : public WatchWriter<v1::WatchPathResponse> {
   WatchedState told_of_;
   uint64_t last_scene_ = 0;
   v1::WatchPathResponse update_;
+};
+
+// WatchScenes: one call.
+class SceneWatch final : public WatchWriter<v1::WatchScenesResponse> {
+ public:
+  SceneWatch(Serving& serving, grpc::CallbackServerContext* context, Clients::Place place,
+             const v1::WatchScenesRequest& request);
+
+ private:
+  absl::StatusOr<bool> Prepare() override;
+  bool NextPart(v1::WatchScenesResponse& part) override;
+  uint64_t Beside() const override;
+
+  // Each adds to the update what is new of it.
+  void AddState(const Moment& now);
+  void AddScenes();
+  void AddImages();
+  void AddPaths();
+
+  const bool include_images_;
+  // What was sent.
+  WatchedState told_of_;
+  uint64_t last_scene_ = 0;
+  uint64_t last_images_ = 0;
+  std::chrono::steady_clock::time_point images_sent_;
+  std::map<uint64_t, std::shared_ptr<const WatchedPath::Told>> told_paths_;  // by id
+  // The update that is being sent: its parts, the next one last.
+  std::vector<v1::WatchScenesResponse> parts_;
 };
 
 // WatchConfigurationSpace: one call.

@@ -2,6 +2,8 @@
 // The paths that clients watch, and what they were told last.
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -16,8 +18,8 @@ namespace silhouette {
 // One watched path. Thread-safe.
 class WatchedPath {
  public:
-  WatchedPath(std::string of_client, v1::CheckPathRequest of_request)
-      : client(std::move(of_client)), request(std::move(of_request)) {}
+  WatchedPath(uint64_t its_id, std::string of_client, v1::CheckPathRequest of_request)
+      : id(its_id), client(std::move(of_client)), request(std::move(of_request)) {}
 
   struct Told {
     v1::WatchPathResponse response;
@@ -34,6 +36,7 @@ class WatchedPath {
     return told_;
   }
 
+  const uint64_t id;
   const std::string client;
   const v1::CheckPathRequest request;
 
@@ -46,11 +49,17 @@ class WatchedPath {
 class WatchedPaths {
  public:
   // Forgotten when the last other reference goes.
-  void Add(const std::shared_ptr<WatchedPath>& path) {
+  std::shared_ptr<WatchedPath> Add(std::string client, v1::CheckPathRequest request) {
     const std::lock_guard lock(mutex_);
     std::erase_if(paths_, [](const std::weak_ptr<WatchedPath>& old) { return old.expired(); });
+    auto path = std::make_shared<WatchedPath>(++last_id_, std::move(client), std::move(request));
     paths_.push_back(path);
+    return path;
   }
+
+  // Whoever noted an answer says so: counted for those who look at all paths.
+  void CountAnswer() { answers_.fetch_add(1); }
+  uint64_t answers() const { return answers_.load(); }
 
   // In the order in which they were added.
   std::vector<std::shared_ptr<const WatchedPath>> All() const {
@@ -65,6 +74,8 @@ class WatchedPaths {
  private:
   mutable std::mutex mutex_;
   std::vector<std::weak_ptr<WatchedPath>> paths_;
+  uint64_t last_id_ = 0;
+  std::atomic<uint64_t> answers_ = 0;
 };
 
 }  // namespace silhouette

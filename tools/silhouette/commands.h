@@ -82,6 +82,7 @@ void AddExplainCommand(CLI::App& program, Session& session);
 void AddSpaceCommand(CLI::App& program, Session& session);
 void AddWatchCommand(CLI::App& program, Session& session);
 void AddPlanCommand(CLI::App& program, Session& session);
+void AddReplayCommand(CLI::App& program, Session& session);
 void AddRegionCommands(CLI::App& program, Session& session);
 void AddSceneCommands(CLI::App& program, Session& session);
 

@@ -36,6 +36,7 @@ int Main(int argc, char** argv) {
   AddSceneCommands(app, session);
   AddRegionCommands(app, session);
   AddExplainCommand(app, session);
+  AddReplayCommand(app, session);
   AddPlanCommand(app, session);
   app.footer(
       "Joint values are in radians (prismatic joints: metres), in the order of the grid's joints;\n"

@@ -33,6 +33,7 @@
 #include "silhouette/configuration_space.h"
 #include "silhouette/path_watch.h"
 #include "silhouette/policy.h"
+#include "silhouette/scene_watch.h"
 #include "silhouette/verdict.h"
 
 // What the server reports beside verdicts are the API's own messages: who uses one includes
@@ -146,6 +147,10 @@ class Client {
 
   // A scene by its id, 0 for the newest; `with_planes`: also its masks.
   absl::StatusOr<v1::Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;
+
+  // All scenes from now on, and the answers to watched paths; `images`: camera images, too, where
+  // the server has them. Needs the role operator.
+  SceneWatch WatchScenes(bool images = false) const;
 
   // State of the server's own acquisition. FailedPrecondition: the server does not acquire images
   // itself.

@@ -24,7 +24,8 @@ constexpr std::array kCalls = {"CollisionService/CheckConfigurations",
                                "SceneService/AllowRegion",
                                "SceneService/RevokeRegion",
                                "SceneService/ListAllowedRegions",
-                               "DatabaseService/GetDatabase"};
+                               "DatabaseService/GetDatabase",
+                               "SceneService/WatchScenes"};
 constexpr size_t kPublishScene = 7;
 
 // A server that has a scene.

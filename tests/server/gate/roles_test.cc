@@ -45,12 +45,17 @@ TEST(Roles, EachMayDoItsOwnAndReadAndNoMore) {
   struct {
     const char* call;
     std::string who;
-  } const calls[] = {
-      {"CollisionService/CheckPath", "p"},    {"CollisionService/WatchPath", "p"},
-      {"CollisionService/Explain", "p"},      {"SceneService/PublishScene", "s"},
-      {"SceneService/AllowRegion", "o"},      {"SceneService/RevokeRegion", "o"},
-      {"SceneService/ChangeVariant", "o"},    {"SceneService/GetScene", "pso"},
-      {"DatabaseService/GetDatabase", "pso"}, {"CollisionService/CheckConfigurations", "pso"}};
+  } const calls[] = {{"CollisionService/CheckPath", "p"},
+                     {"CollisionService/WatchPath", "p"},
+                     {"CollisionService/Explain", "p"},
+                     {"SceneService/PublishScene", "s"},
+                     {"SceneService/AllowRegion", "o"},
+                     {"SceneService/RevokeRegion", "o"},
+                     {"SceneService/ChangeVariant", "o"},
+                     {"SceneService/GetScene", "pso"},
+                     {"SceneService/WatchScenes", "o"},
+                     {"DatabaseService/GetDatabase", "pso"},
+                     {"CollisionService/CheckConfigurations", "pso"}};
   for (const auto& [call, who] : calls) {
     for (const char client : {'p', 's', 'o'}) {
       EXPECT_EQ(May({client}, call), who.find(client) != std::string::npos) << client << call;

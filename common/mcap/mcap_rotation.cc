@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/mcap/mcap_rotation.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "db/status/status_macros.h"
+
+namespace silhouette {
+
+McapRotation::McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
+                           std::function<std::vector<McapMessage>()> opening)
+    : settings_(std::move(settings)), channels_(std::move(channels)), opening_(std::move(opening)) {
+  if (settings_.file_bytes == 0 || settings_.files < 1) {
+    throw std::invalid_argument("a file has at least one byte, and there is at least one file");
+  }
+}
+
+absl::Status McapRotation::Begin(absl::Time time) {
+  const std::string name =
+      absl::StrCat(settings_.prefix, "-",
+                   absl::FormatTime("%Y%m%dT%H%M%E3SZ", time, absl::UTCTimeZone()), ".mcap");
+  ASSIGN_OR_RETURN(writer_, McapWriter::Create(settings_.folder + "/" + name, channels_));
+  path_ = writer_->path();
+  for (McapMessage& message : opening_()) {
+    message.logged = time;
+    writer_->Add(message);
+  }
+  MakeRoom();
+  return absl::OkStatus();
+}
+
+void McapRotation::MakeRoom() const {
+  std::vector<std::filesystem::path> files;
+  std::error_code error;
+  for (const auto& entry : std::filesystem::directory_iterator(settings_.folder, error)) {
+    const std::string name = entry.path().filename();
+    if (name.starts_with(settings_.prefix + "-") && name.ends_with(".mcap")) {
+      files.push_back(entry.path());
+    }
+  }
+  std::ranges::sort(files);  // their names begin with their times
+  for (size_t i = 0; i + static_cast<size_t>(settings_.files) < files.size(); ++i) {
+    std::filesystem::remove(files[i], error);
+  }
+}
+
+absl::Status McapRotation::Add(const McapMessage& message) {
+  absl::Status status;
+  if (writer_ != nullptr && writer_->bytes() >= settings_.file_bytes) status = Close();
+  if (writer_ == nullptr) status = Begin(message.logged);
+  if (writer_ == nullptr || waiting_ > kMostWaiting) {
+    ++lost_;
+    return status;
+  }
+  writer_->Add(message);
+  waiting_ += message.data.size();
+  return status;
+}
+
+absl::Status McapRotation::Flush() {
+  if (writer_ == nullptr) return absl::OkStatus();
+  RETURN_IF_ERROR(writer_->Flush());
+  waiting_ = 0;
+  return absl::OkStatus();
+}
+
+absl::Status McapRotation::Close() {
+  if (writer_ == nullptr) return absl::OkStatus();
+  RETURN_IF_ERROR(writer_->Close());
+  waiting_ = 0;
+  writer_.reset();
+  return absl::OkStatus();
+}
+
+absl::Status EventExcerpts::Add(const McapMessage& message) {
+  if (until_ && message.logged > *until_) {
+    until_.reset();
+    RETURN_IF_ERROR(files_.Close());
+  }
+  if (until_) return files_.Add(message);
+  kept_bytes_ += message.data.size();
+  kept_.push_back(message);
+  while (kept_.front().logged < message.logged - before_ || kept_bytes_ > kMostBytes) {
+    kept_bytes_ -= kept_.front().data.size();
+    kept_.pop_front();
+    if (kept_.empty()) break;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status EventExcerpts::Keep(absl::Time time) {
+  until_ = time + after_;
+  absl::Status first_error;
+  for (const McapMessage& message : kept_) first_error.Update(files_.Add(message));
+  kept_.clear();
+  kept_bytes_ = 0;
+  return first_error;
+}
+
+}  // namespace silhouette

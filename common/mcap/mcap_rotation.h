@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// MCAP files of bounded size, the oldest of which make room; and the time around events.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "common/mcap/mcap.h"
+#include "common/mcap/mcap_writer.h"
+
+namespace silhouette {
+
+struct McapRotationSettings {
+  std::string folder;
+  std::string prefix;  // files are PREFIX-20260131T120000.123Z.mcap
+  // A file that has as many bytes is the last of these; above 0.
+  uint64_t file_bytes = 0;
+  // As many files of this prefix are kept, the one that is written included; above 0.
+  int files = 0;
+};
+
+// Not thread-safe.
+class McapRotation {
+ public:
+  // `opening`: what each file begins with, when its first message is added, so that it can be read
+  // alone. Throws std::invalid_argument for settings that cannot be.
+  McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
+               std::function<std::vector<McapMessage>()> opening);
+
+  // Begins a file if there is none, and the next one if it is full. A message that cannot be
+  // written is kept (see Flush).
+  absl::Status Add(const McapMessage& message);
+
+  // Writes to the disk what was added. After an error (a full disk) it is kept and written later,
+  // up to kMostWaiting bytes; what is more is lost, and counted.
+  absl::Status Flush();
+
+  // Ends the file; a later message begins another.
+  absl::Status Close();
+
+  // How many messages were lost to a disk that took nothing.
+  uint64_t lost() const { return lost_; }
+  // The newest file; empty: none yet.
+  const std::string& path() const { return path_; }
+
+ private:
+  static constexpr uint64_t kMostWaiting = uint64_t{64} << 20;
+
+  absl::Status Begin(absl::Time time);
+  // Removes the oldest files.
+  void MakeRoom() const;
+
+  const McapRotationSettings settings_;
+  const std::vector<McapChannel> channels_;
+  const std::function<std::vector<McapMessage>()> opening_;
+  std::unique_ptr<McapWriter> writer_;
+  std::string path_;
+  uint64_t waiting_ = 0;  // bytes added since the last Flush that succeeded
+  uint64_t lost_ = 0;
+};
+
+// Keeps the messages around events: those of `before` in memory, and from an event on for `after`
+// they go into files, after those that were kept. Each event, or several that follow each other
+// closely, has a file of its own, more if it becomes too large. Not thread-safe.
+class EventExcerpts {
+ public:
+  EventExcerpts(McapRotation files, absl::Duration before, absl::Duration after)
+      : files_(std::move(files)), before_(before), after_(after) {}
+
+  // Messages come in the order of their times.
+  absl::Status Add(const McapMessage& message);
+  // There is an event at the time of the newest message.
+  absl::Status Keep(absl::Time time);
+  absl::Status Flush() { return files_.Flush(); }
+  absl::Status Close() { return files_.Close(); }
+
+  const McapRotation& files() const { return files_; }
+
+ private:
+  // No more is kept in memory, whatever `before` says.
+  static constexpr uint64_t kMostBytes = uint64_t{512} << 20;
+
+  McapRotation files_;
+  const absl::Duration before_;
+  const absl::Duration after_;
+  std::deque<McapMessage> kept_;
+  uint64_t kept_bytes_ = 0;
+  std::optional<absl::Time> until_;  // while an excerpt is written
+};
+
+}  // namespace silhouette

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that are written, read, cut, damaged; tests/tools/silhouette-record reads them with the
+// format's own library.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "common/mcap/mcap_reader.h"
+#include "common/mcap/mcap_rotation.h"
+#include "common/mcap/mcap_writer.h"
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+const std::vector<McapChannel> kChannels = {
+    {"/a", "protobuf", "some.Type", "protobuf", std::string("\0descriptor", 11)},
+    {"/b", "json", "", "", ""}};
+const absl::Time kStart = absl::FromUnixMillis(1'769'860'800'123);
+
+McapMessage At(double seconds, const std::string& data, uint16_t channel = 0) {
+  const absl::Time time = kStart + absl::Seconds(seconds);
+  return {.channel = channel, .logged = time, .published = time - absl::Seconds(1), .data = data};
+}
+
+// Bytes that cannot be compressed.
+std::string Noise(size_t size) {
+  std::string noise(size, '\0');
+  uint32_t state = 1;
+  for (char& c : noise) c = static_cast<char>((state = state * 1664525 + 1013904223) >> 24);
+  return noise;
+}
+
+struct Read {
+  std::vector<std::string> data;
+  std::vector<McapReader::Message> messages;
+  absl::Status status;
+  bool cut = false;
+};
+
+Read ReadFile(const std::string& path) {
+  Read read;
+  auto reader = McapReader::Open(path);
+  read.status = reader.status();
+  while (read.status.ok()) {
+    auto message = (*reader)->Next();
+    read.status = message.status();
+    if (!message.ok() || !*message) break;
+    read.data.push_back((*message)->data);
+    read.messages.push_back(**std::move(message));
+  }
+  if (reader.ok()) read.cut = (*reader)->cut();
+  return read;
+}
+
+std::string BytesOf(const std::filesystem::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file, std::ios::binary).rdbuf();
+  return text.str();
+}
+
+class McapTest : public ::testing::Test {
+ protected:
+  // Three chunks: 1 and 2, 3, 4.
+  std::string NewFile(bool whole = true) {
+    const std::string path = folder_ / "file.mcap";
+    auto writer = *McapWriter::Create(path, kChannels);
+    writer->Add(At(0, "1"));
+    writer->Add(At(1, "2", 1));
+    EXPECT_TRUE(writer->Flush().ok());
+    writer->Add(At(2, "3"));
+    EXPECT_TRUE(writer->Flush().ok());
+    writer->Add(At(3, "4"));
+    EXPECT_TRUE((whole ? writer->Close() : writer->Flush()).ok());
+    return path;
+  }
+  std::vector<std::string> Files() {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+      names.push_back(entry.path().filename());
+    }
+    std::ranges::sort(names);
+    return names;
+  }
+  std::string Write(const std::string& bytes) {
+    const std::string path = folder_ / "other.mcap";
+    std::ofstream(path, std::ios::binary) << bytes;
+    return path;
+  }
+
+  const std::filesystem::path folder_ = FreshFolder();
+};
+
+TEST_F(McapTest, WhatWasWrittenIsRead) {
+  const Read read = ReadFile(NewFile());
+  EXPECT_TRUE(read.status.ok()) << read.status;
+  EXPECT_FALSE(read.cut);
+  EXPECT_THAT(read.data, ElementsAre("1", "2", "3", "4"));
+  EXPECT_EQ(*read.messages[0].channel, kChannels[0]);
+  EXPECT_EQ(*read.messages[1].channel, kChannels[1]);
+  EXPECT_EQ(read.messages[3].logged, kStart + absl::Seconds(3));
+  EXPECT_EQ(read.messages[3].published, kStart + absl::Seconds(2));
+}
+
+TEST_F(McapTest, LargeMessagesAreRead) {
+  const std::string path = folder_ / "large.mcap";
+  auto writer = *McapWriter::Create(path, kChannels);
+  const std::string noise = Noise(3 << 20);
+  writer->Add(At(0, noise));
+  writer->Add(At(0, std::string(9 << 20, 'x')));
+  ASSERT_TRUE(writer->Close().ok());
+  EXPECT_LT(std::filesystem::file_size(path), size_t{4} << 20);
+  EXPECT_THAT(ReadFile(path).data, ElementsAre(noise, std::string(9 << 20, 'x')));
+}
+
+TEST_F(McapTest, CutFileIsReadUpToItsLastWholeChunk) {
+  const std::string whole = BytesOf(NewFile());
+  size_t last = 0;
+  std::set<size_t> counts;
+  for (size_t length = mcap::kMagic.size(); length < whole.size(); length += 3) {
+    const Read read = ReadFile(Write(whole.substr(0, length)));
+    ASSERT_TRUE(read.status.ok()) << length << ": " << read.status;
+    ASSERT_GE(read.data.size(), last);
+    last = read.data.size();
+    counts.insert(last);
+    ASSERT_TRUE(read.cut || last == 4) << length;
+  }
+  EXPECT_THAT(counts, ElementsAre(0u, 2u, 3u, 4u));
+}
+
+TEST_F(McapTest, FileThatIsStillWrittenIsRead) {
+  const Read read = ReadFile(NewFile(/*whole=*/false));
+  EXPECT_TRUE(read.status.ok() && read.cut);
+  EXPECT_THAT(read.data, SizeIs(4));
+}
+
+TEST_F(McapTest, DamageIsNeverReadAsAMessage) {
+  const std::string whole = BytesOf(NewFile());
+  const size_t chunk = whole.find("lz4");
+  ASSERT_NE(chunk, std::string::npos);
+  std::string damaged = whole;
+  damaged[chunk - 8] ^= 1;  // the checksum of its records
+  const Read read = ReadFile(Write(damaged));
+  EXPECT_TRUE(absl::IsDataLoss(read.status)) << read.status;
+  EXPECT_THAT(read.data, IsEmpty());
+  // Any other byte: no crash, and nothing that was not written.
+  for (size_t i = 0; i < whole.size(); i += 3) {
+    std::string other = whole;
+    other[i] ^= '\x41';
+    for (const std::string& data : ReadFile(Write(other)).data) {
+      ASSERT_THAT(data, ::testing::AnyOf("1", "2", "3", "4")) << i;
+    }
+  }
+  EXPECT_TRUE(absl::IsInvalidArgument(ReadFile(Write("no such file")).status));
+  EXPECT_TRUE(absl::IsNotFound(ReadFile(folder_ / "none.mcap").status));
+}
+
+TEST_F(McapTest, ExistingFileIsKept) {
+  const std::string path = NewFile();
+  EXPECT_TRUE(absl::IsAlreadyExists(McapWriter::Create(path, kChannels).status()));
+  EXPECT_THAT(ReadFile(path).data, SizeIs(4));
+}
+
+TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
+  const std::string path = folder_ / "full.mcap";
+  auto writer = *McapWriter::Create(path, kChannels);
+  writer->Add(At(0, "before"));
+  ASSERT_TRUE(writer->Flush().ok());
+  const uint64_t size = std::filesystem::file_size(path);
+  rlimit old{};
+  getrlimit(RLIMIT_FSIZE, &old);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit full{size + 20, old.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &full);
+  writer->Add(At(1, "meanwhile"));
+  const absl::Status status = writer->Flush();
+  setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(std::string(status.message()), HasSubstr(path));
+  EXPECT_EQ(std::filesystem::file_size(path), size);
+  writer->Add(At(2, "after"));
+  ASSERT_TRUE(writer->Close().ok());
+  const Read read = ReadFile(path);
+  EXPECT_TRUE(read.status.ok() && !read.cut);
+  EXPECT_THAT(read.data, ElementsAre("before", "meanwhile", "after"));
+}
+
+TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
+  std::ofstream(folder_ / "a-note.txt") << "of somebody else";
+  McapRotation files({folder_, "r", 3000, 3}, kChannels,
+                     [] { return std::vector{At(-100, "opening", 1)}; });
+  for (int i = 0; i < 40; ++i) {
+    ASSERT_TRUE(files.Add(At(i, static_cast<char>('A' + i) + Noise(500))).ok());
+    ASSERT_TRUE(files.Flush().ok());
+  }
+  ASSERT_TRUE(files.Close().ok());
+  const std::vector<std::string> names = Files();
+  ASSERT_THAT(names, SizeIs(4));
+  EXPECT_EQ(names[0], "a-note.txt");
+  std::vector<std::string> kept;
+  for (size_t i = 1; i < names.size(); ++i) {
+    const std::string path = folder_ / names[i];
+    EXPECT_LT(std::filesystem::file_size(path), 5000u);
+    const Read read = ReadFile(path);
+    EXPECT_TRUE(read.status.ok() && !read.cut);
+    ASSERT_GT(read.data.size(), 1u);
+    EXPECT_EQ(read.data[0], "opening");
+    EXPECT_EQ(read.messages[0].logged, read.messages[1].logged);
+    kept.insert(kept.end(), read.data.begin() + 1, read.data.end());
+  }
+  ASSERT_GT(kept.size(), 5u);
+  for (size_t i = 0; i < kept.size(); ++i) {
+    EXPECT_EQ(kept[kept.size() - 1 - i][0], static_cast<char>('A' + 39 - i));
+  }
+}
+
+TEST_F(McapTest, TheTimeAroundEventsIsKeptAndNoOther) {
+  EventExcerpts excerpts(McapRotation({folder_, "stop", 1 << 20, 10}, kChannels,
+                                      [] { return std::vector<McapMessage>(); }),
+                         absl::Seconds(30), absl::Seconds(30));
+  auto add_until = [&, next = 0](int end) mutable {
+    for (; next <= end; ++next) ASSERT_TRUE(excerpts.Add(At(next, std::to_string(next))).ok());
+  };
+  add_until(100);
+  EXPECT_THAT(Files(), IsEmpty());
+  ASSERT_TRUE(excerpts.Keep(At(100, "").logged).ok());
+  add_until(120);
+  ASSERT_TRUE(excerpts.Keep(At(120, "").logged).ok());  // within the time after the first
+  add_until(300);
+  ASSERT_TRUE(excerpts.Keep(At(300, "").logged).ok());
+  add_until(310);
+  ASSERT_TRUE(excerpts.Close().ok());
+  const std::vector<std::string> names = Files();
+  ASSERT_THAT(names, SizeIs(2));
+  const std::vector<std::string> first = ReadFile(folder_ / names[0]).data;
+  EXPECT_EQ(first.front(), "70");
+  EXPECT_EQ(first.back(), "150");
+  EXPECT_THAT(first, SizeIs(81));
+  const std::vector<std::string> second = ReadFile(folder_ / names[1]).data;
+  EXPECT_EQ(second.front(), "270");
+  EXPECT_EQ(second.back(), "310");
+}
+
+}  // namespace
+}  // namespace silhouette

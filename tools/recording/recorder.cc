@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/recording/recorder.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "tools/recording/channels.h"
+
+namespace silhouette {
+namespace {
+
+constexpr absl::Duration kBetweenStates = absl::Seconds(5);
+
+McapRotationSettings RotationOf(const RecorderSettings& settings, const std::string& prefix) {
+  return {.folder = settings.folder,
+          .prefix = prefix,
+          .file_bytes = settings.file_bytes,
+          .files = settings.files};
+}
+
+}  // namespace
+
+absl::Time TimeOf(const google::protobuf::Timestamp& time) {
+  return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
+}
+
+Recorder::Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse database)
+    : database_(std::move(database)),
+      only_stops_(settings.only_stops),
+      all_(RotationOf(settings, "recording"), ChannelsOf(database_),
+           [this] {
+             std::vector<McapMessage> opening = {{.channel = kDatabaseChannel,
+                                                  .logged = now_,
+                                                  .published = now_,
+                                                  .data = database_.SerializeAsString()}};
+             if (state_) {
+               opening.push_back({.channel = kStateChannel,
+                                  .logged = now_,
+                                  .published = now_,
+                                  .data = state_->SerializeAsString()});
+             }
+             return opening;
+           }),
+      stops_(
+          McapRotation(RotationOf(settings, "stop"), ChannelsOf(database_),
+                       [this] {
+                         return std::vector<McapMessage>{{.channel = kDatabaseChannel,
+                                                          .logged = now_,
+                                                          .published = now_,
+                                                          .data = database_.SerializeAsString()}};
+                       }),
+          settings.around_stops, settings.around_stops) {}
+
+void Recorder::Add(uint16_t channel, absl::Time published, std::string data) {
+  const McapMessage message{
+      .channel = channel, .logged = now_, .published = published, .data = std::move(data)};
+  if (!only_stops_) fault_.Update(all_.Add(message));
+  fault_.Update(stops_.Add(message));
+}
+
+void Recorder::AddState() {
+  if (!state_) return;
+  state_added_ = now_;
+  Add(kStateChannel, now_, state_->SerializeAsString());
+}
+
+void Recorder::AddImages(const v1::WatchScenesResponse& news) {
+  for (const v1::CameraPicture& picture : news.images()) {
+    const auto view = std::ranges::find(database_.views(), picture.view(), &v1::View::name);
+    if (view == database_.views().end()) continue;
+    const auto place = static_cast<uint16_t>(view - database_.views().begin());
+    Add(static_cast<uint16_t>(kFirstCameraChannel + place), now_,
+        CompressedImageOf(picture.jpeg(), now_));
+  }
+}
+
+std::vector<Stop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time now) {
+  now_ = std::max(now_, now);
+  if (news.has_state()) {
+    state_ = news.state();
+    AddState();
+  } else if (now_ - state_added_ >= kBetweenStates) {
+    AddState();
+  }
+  if (news.has_scene()) {
+    const uint64_t id = news.scene().id();
+    if (last_scene_ != 0 && id > last_scene_ + 1) missed_scenes_ += id - last_scene_ - 1;
+    last_scene_ = id;
+    ++scenes_;
+    Add(kSceneChannel, TimeOf(news.scene().time()), news.scene().SerializeAsString());
+  }
+  AddImages(news);
+  std::vector<Stop> stops;
+  for (const v1::WatchedPath& path : news.paths()) {
+    Add(kPathChannel, now_, path.SerializeAsString());
+    if (path.ended()) {
+      free_.erase(path.id());
+      continue;
+    }
+    const bool is_free = path.answer().check().verdict().state() == v1::Verdict::STATE_FREE;
+    if (std::exchange(free_[path.id()], is_free) && !is_free) {
+      stops.push_back({.time = now_, .path = path});
+    }
+  }
+  if (!stops.empty()) fault_.Update(stops_.Keep(now_));
+  return stops;
+}
+
+absl::Status Recorder::Flush(absl::Time now) {
+  now_ = std::max(now_, now);
+  absl::Status fault = std::exchange(fault_, absl::OkStatus());
+  fault.Update(all_.Flush());
+  fault.Update(stops_.Flush());
+  return fault;
+}
+
+absl::Status Recorder::Close() {
+  absl::Status fault = std::exchange(fault_, absl::OkStatus());
+  fault.Update(all_.Close());
+  fault.Update(stops_.Close());
+  return fault;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// Records what a server sends (WatchScenes) into files of a folder: recording-TIME.mcap with all of
+// it, stop-TIME.mcap with the time around each stop.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "common/mcap/mcap_rotation.h"
+#include "silhouette/v1/database_service.pb.h"
+#include "silhouette/v1/scene_service.pb.h"
+
+namespace silhouette {
+
+struct RecorderSettings {
+  std::string folder;
+  // Of one file, and how many are kept of either kind.
+  uint64_t file_bytes = uint64_t{256} << 20;
+  int files = 8;
+  // Only the time around stops.
+  bool only_stops = false;
+  // What is kept before and after each stop.
+  absl::Duration around_stops = absl::Seconds(30);
+};
+
+// A watched path was free and is not any more.
+struct Stop {
+  absl::Time time;
+  v1::WatchedPath path;
+};
+
+// Of one database. Not thread-safe. Errors are of the disk: what was not written is written later,
+// as McapRotation says.
+class Recorder {
+ public:
+  // Throws std::invalid_argument for settings that cannot be.
+  Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse database);
+
+  const v1::GetDatabaseResponse& database() const { return database_; }
+
+  // Adds a message that arrived at `now`, and returns the stops in it.
+  std::vector<Stop> Take(const v1::WatchScenesResponse& news, absl::Time now);
+
+  // Writes to the disk what was added; an error of Take(), too, comes from here. To be called once
+  // a second.
+  absl::Status Flush(absl::Time now);
+  // Ends the files.
+  absl::Status Close();
+
+  uint64_t scenes() const { return scenes_; }
+  // Scenes that the server no longer had when it could have sent them.
+  uint64_t missed_scenes() const { return missed_scenes_; }
+  // Messages that the disk took too late.
+  uint64_t lost() const { return all_.lost() + stops_.files().lost(); }
+  // The newest files; empty: none yet.
+  const std::string& path() const { return all_.path(); }
+  const std::string& stop_path() const { return stops_.files().path(); }
+
+ private:
+  void Add(uint16_t channel, absl::Time published, std::string data);
+  void AddState();
+  void AddImages(const v1::WatchScenesResponse& news);
+
+  const v1::GetDatabaseResponse database_;
+  const bool only_stops_;
+  McapRotation all_;
+  EventExcerpts stops_;
+  absl::Time now_ = absl::UnixEpoch();  // it never steps back
+  std::optional<v1::ServedState> state_;
+  absl::Time state_added_ = absl::InfinitePast();
+  std::map<uint64_t, bool> free_;  // watched paths, by id
+  uint64_t last_scene_ = 0;
+  uint64_t scenes_ = 0;
+  uint64_t missed_scenes_ = 0;
+  absl::Status fault_;  // the first since the last Flush
+};
+
+// The time of a message.
+absl::Time TimeOf(const google::protobuf::Timestamp& time);
+
+}  // namespace silhouette

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-record: records what silhouette-server sees and answers.
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "db/status/status_macros.h"
+#include "silhouette/client.h"
+#include "silhouette/messages.h"
+#include "tools/program/program.h"
+#include "tools/recording/recorder.h"
+
+namespace silhouette {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr char kProgram[] = "silhouette-record";
+constexpr absl::Duration kLook = absl::Milliseconds(50);
+constexpr absl::Duration kBetweenFlushes = absl::Milliseconds(500);
+constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
+
+struct Arguments {
+  std::string server = client::kDefaultAddress;
+  client::ClientTls tls;
+  RecorderSettings recorder;
+  bool images = false;
+  std::string format = "text";
+};
+
+// What no server will answer, however often it is asked.
+bool IsHopeless(const absl::Status& status) {
+  return ExitCodeOf(status) == kUserMistake || absl::IsUnimplemented(status);
+}
+
+std::string TimeText(absl::Time time) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
+}
+
+class Program {
+ public:
+  Program(Client client, const Arguments& arguments)
+      : client_(std::move(client)), arguments_(arguments) {}
+
+  absl::StatusOr<ExitCode> Run() {
+    CatchStopSignals();
+    while (!StopRequested()) {
+      const absl::Status ended = RecordOnce();
+      if (ended.ok()) break;
+      if (IsHopeless(ended)) {
+        // What was recorded is whole.
+        if (recorder_) recorder_->Close().IgnoreError();
+        return ended;
+      }
+      if (!lost_since_) {
+        lost_since_ = absl::Now();
+        Note("lost", absl::StrCat(ended.message(), "; trying again"));
+      }
+      for (absl::Duration waited; waited < kBetweenAttempts && !StopRequested(); waited += kLook) {
+        Flush();
+        std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLook));
+      }
+    }
+    return End();
+  }
+
+ private:
+  // One connection, until it ends: why it ended, OK if nothing more is wanted.
+  absl::Status RecordOnce() {
+    client::SceneWatch watch = client_.WatchScenes(arguments_.images);
+    while (!StopRequested()) {
+      const auto news = watch.Next(kLook);
+      if (!news.ok() && !absl::IsDeadlineExceeded(news.status())) return news.status();
+      if (news.ok()) RETURN_IF_ERROR(Take(*news));
+      Flush();
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Take(const v1::WatchScenesResponse& news) {
+    const absl::Time now = absl::Now();
+    if (lost_since_) {
+      Note("back", absl::StrFormat("recording again after %.0f s",
+                                   absl::ToDoubleSeconds(now - *lost_since_)));
+      lost_since_.reset();
+    }
+    // A file is of one database.
+    if (!recorder_ || (news.has_state() &&
+                       news.state().database_generation() != recorder_->database().generation())) {
+      ASSIGN_OR_RETURN(auto database, client_.GetDatabase());
+      CloseFiles();
+      recorder_.emplace(arguments_.recorder, std::move(database));
+    }
+    for (const Stop& stop : recorder_->Take(news, now)) NoteStop(stop);
+    return absl::OkStatus();
+  }
+
+  void NoteStop(const Stop& stop) {
+    ++stops_;
+    const v1::CheckPathResponse& check = stop.path.answer().check();
+    const std::string reason =
+        check.verdict().state() == v1::Verdict::STATE_OCCUPIED
+            ? "occupied"
+            : "unknown: " + NameOf(client::FromMessage(check.verdict().reason()));
+    if (arguments_.format == "json") {
+      std::cout << Json({{"event", "stop"},
+                         {"time", TimeText(stop.time)},
+                         {"client", stop.path.client()},
+                         {"path", stop.path.id()},
+                         {"reason", reason},
+                         {"file", recorder_->stop_path()}})
+                       .dump()
+                << std::endl;
+      return;
+    }
+    std::cout << TimeText(stop.time) << ": a path of " << stop.path.client()
+              << " is not free any more (" << reason << "); kept in " << recorder_->stop_path()
+              << std::endl;
+  }
+
+  // News of connection and disk.
+  void Note(const std::string& event, const std::string& text) const {
+    if (arguments_.format == "json") {
+      std::cout
+          << Json({{"event", event}, {"time", TimeText(absl::Now())}, {"message", text}}).dump()
+          << std::endl;
+    }
+    std::cerr << kProgram << ": " << text << std::endl;
+  }
+
+  void Flush() {
+    const absl::Time now = absl::Now();
+    if (!recorder_ || absl::AbsDuration(now - flushed_) < kBetweenFlushes) return;
+    flushed_ = now;
+    const absl::Status status = recorder_->Flush(now);
+    if (status.ok() && disk_failed_) Note("disk", "the disk takes the recording again");
+    if (!status.ok() && !disk_failed_) {
+      Note("disk", absl::StrCat(status.message(),
+                                "; what comes now is kept in memory, up to 64 MB: make room"));
+    }
+    disk_failed_ = !status.ok();
+  }
+
+  // Ends the files of the recorder.
+  void CloseFiles() {
+    if (!recorder_) return;
+    const absl::Status closed = recorder_->Close();
+    if (!closed.ok()) Note("disk", absl::StrCat(closed.message(), "; the file has no index"));
+    scenes_ += recorder_->scenes();
+    missed_ += recorder_->missed_scenes();
+    lost_ += recorder_->lost();
+    if (!recorder_->path().empty()) path_ = recorder_->path();
+    if (!recorder_->stop_path().empty()) path_of_stop_ = recorder_->stop_path();
+    recorder_.reset();
+  }
+
+  ExitCode End() {
+    CloseFiles();
+    if (arguments_.format == "json") {
+      std::cout << Json({{"event", "end"},
+                         {"scenes", scenes_},
+                         {"missed_scenes", missed_},
+                         {"lost_messages", lost_},
+                         {"stops", stops_},
+                         {"file", path_},
+                         {"stop_file", path_of_stop_}})
+                       .dump()
+                << std::endl;
+      return kDone;
+    }
+    std::cout << scenes_ << " scenes, " << stops_ << " stops";
+    if (missed_ > 0) std::cout << ", " << missed_ << " scenes missed";
+    if (lost_ > 0) std::cout << ", " << lost_ << " messages lost to the disk";
+    for (const std::string& file : {path_, path_of_stop_}) {
+      if (!file.empty()) std::cout << "; " << file;
+    }
+    std::cout << std::endl;
+    return kDone;
+  }
+
+  const Client client_;
+  const Arguments arguments_;
+  std::optional<Recorder> recorder_;
+  std::optional<absl::Time> lost_since_;
+  absl::Time flushed_ = absl::InfinitePast();
+  bool disk_failed_ = false;
+  // Of recorders that are closed.
+  uint64_t scenes_ = 0;
+  uint64_t missed_ = 0;
+  uint64_t lost_ = 0;
+  uint64_t stops_ = 0;
+  std::string path_;
+  std::string path_of_stop_;
+};
+
+absl::StatusOr<ExitCode> Record(const Arguments& arguments) {
+  std::error_code error;
+  std::filesystem::create_directories(arguments.recorder.folder, error);
+  if (error) return InvalidArgument("--folder ", arguments.recorder.folder, ": ", error.message());
+  ASSIGN_OR_RETURN(Client client,
+                   Client::Connect(arguments.server, absl::Seconds(10), arguments.tls));
+  return Program(std::move(client), arguments).Run();
+}
+
+int Main(int argc, char** argv) {
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  CLI::App app("Records scenes, watched paths and stops of silhouette-server into MCAP files.",
+               kProgram);
+  Arguments arguments;
+  app.add_option("server", arguments.server, "Address of silhouette-server: host:port, unix:path")
+      ->envname("SILHOUETTE_SERVER")
+      ->capture_default_str();
+  app.add_option("--folder", arguments.recorder.folder, "Where the files go")->required();
+  app.add_flag("--images", arguments.images,
+               "Record camera images, too (JPEG, 5 a second), of a server that runs with --live");
+  app.add_option("--size", arguments.recorder.file_bytes, "Size of one file, e.g. 256MB, 1GB")
+      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
+      ->default_str("256MB");
+  app.add_option("--files", arguments.recorder.files,
+                 "How many files are kept, of recordings and of stops each; the oldest make room")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  app.add_flag("--only-stops", arguments.recorder.only_stops,
+               "Record only 30 s before and after each stop");
+  AddFormatOption(app, arguments.format);
+  app.add_option("--tls-ca", arguments.tls.ca,
+                 "PEM file of the authority that signed the server's certificate")
+      ->envname("SILHOUETTE_TLS_CA");
+  app.add_option("--tls-certificate", arguments.tls.certificate,
+                 "PEM file of this client's certificate, whose name has the role operator")
+      ->envname("SILHOUETTE_TLS_CERTIFICATE");
+  app.add_option("--tls-key", arguments.tls.key, "PEM file of its private key")
+      ->envname("SILHOUETTE_TLS_KEY");
+  app.footer(
+      "A stop: a path that a client watches (WatchPath) was free and is not any more. 30 s before\n"
+      "and after each stop go into stop-TIME.mcap, everything into recording-TIME.mcap. A lost\n"
+      "server is tried again. Ctrl-C ends the recording with exit code 0.\n\n"
+      "Example:\n"
+      "  silhouette-record 127.0.0.1:50051 --folder recordings --size 1GB --files 20\n"
+      "  silhouette-record --folder stops --only-stops --images");
+  return RunProgram(app, argc, argv, Work([&] {
+                      if (arguments.recorder.file_bytes == 0) {
+                        return absl::StatusOr<ExitCode>(
+                            InvalidArgument("--size 0: a file has at least one byte"));
+                      }
+                      return Record(arguments);
+                    }));
+}
+
+}  // namespace
+}  // namespace silhouette
+
+int main(int argc, char** argv) { return silhouette::Main(argc, argv); }

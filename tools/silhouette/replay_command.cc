@@ -1,0 +1,346 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette replay
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/clock.h"
+#include "db/status/status_macros.h"
+#include "silhouette/messages.h"
+#include "tools/program/program.h"
+#include "tools/recording/recording.h"
+#include "tools/silhouette/commands.h"
+#include "tools/silhouette/formats/inputs.h"
+#include "tools/silhouette/formats/output.h"
+
+namespace silhouette {
+namespace {
+
+// Between looks at Ctrl-C.
+constexpr absl::Duration kLookWhileReplaying = absl::Milliseconds(50);
+// Whoever publishes scenes to a server in use does so within this time.
+constexpr absl::Duration kQuiet = absl::Milliseconds(1200);
+
+struct ReplayArguments {
+  std::string file;
+  std::string to;  // empty: nowhere
+  double speed = 1;
+  std::string at;  // empty: all scenes
+  PathArguments path;
+};
+
+// "2026-01-31T12:00:00Z", or "12.5s" after the beginning of the file.
+absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
+  absl::Time time;
+  std::string error;
+  if (absl::ParseTime(absl::RFC3339_full, arguments.at, &time, &error)) return time;
+  absl::Duration after;
+  if (!absl::ParseDuration(arguments.at, &after)) {
+    return InvalidArgument(
+        "--at ", arguments.at,
+        ": say a time as 2026-01-31T12:00:00Z, or one after the beginning of the "
+        "file as 12.5s");
+  }
+  ASSIGN_OR_RETURN(const RecordingSummary summary, SummaryOf(arguments.file));
+  return summary.start + after;
+}
+
+absl::Status InUse(const Client& client) {
+  return FailedPrecondition(
+      "the server at ", client.address(),
+      " gets scenes from elsewhere, and its answers would be about recorded ones; replay to a "
+      "server of its own: silhouette-server --database ... --listen 127.0.0.1:0");
+}
+
+// Refuses a server that somebody else publishes scenes to: it would answer about recorded ones.
+absl::Status RequireQuiet(const Client& client) {
+  uint64_t last = 0;
+  for (int look = 0; look < 2; ++look) {
+    if (look > 0) std::this_thread::sleep_for(absl::ToChronoMilliseconds(kQuiet));
+    const absl::StatusOr<v1::Scene> scene = client.GetScene();
+    if (!scene.ok() && !absl::IsNotFound(scene.status())) return scene.status();
+    const uint64_t id = scene.ok() ? scene->id() : 0;
+    if (look > 0 && id != last) return InUse(client);
+    last = id;
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<Client> ConnectTo(const Session& session, const std::string& address) {
+  ASSIGN_OR_RETURN(const Client client,
+                   Client::Connect(address, absl::Seconds(session.timeout), session.tls));
+  RETURN_IF_ERROR(RequireQuiet(client));
+  return client;
+}
+
+// Of another generation, answers are of its robot images, not of those of the recording.
+absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseResponse& recorded) {
+  ASSIGN_OR_RETURN(const v1::GetDatabaseResponse served, client.GetDatabase());
+  if (served.cell_name() != recorded.cell_name()) {
+    return FailedPrecondition("the recording is of the cell '", recorded.cell_name(),
+                              "', and the server at ", client.address(), " serves '",
+                              served.cell_name(), "'");
+  }
+  if (served.generation() != recorded.generation()) {
+    std::cerr << "silhouette: warning: the recording is of database generation "
+              << recorded.generation() << ", and the server has " << served.generation()
+              << std::endl;
+  }
+  return absl::OkStatus();
+}
+
+// Puts these regions into force, and ends those of `before` that are not among them.
+absl::Status AllowRegions(const Client& client, const v1::ServedState& state,
+                          const v1::ServedState& before) {
+  for (const v1::AllowedRegion& region : state.regions()) {
+    v1::AllowRegionRequest request;
+    request.set_name(region.name());
+    *request.mutable_views() = region.views();
+    *request.mutable_duration() = client::ToMessage(absl::Minutes(10));
+    RETURN_IF_ERROR(client.AllowRegion(request).status());
+  }
+  for (const v1::AllowedRegion& old : before.regions()) {
+    if (std::ranges::find(state.regions(), old.name(), &v1::AllowedRegion::name) ==
+        state.regions().end()) {
+      RETURN_IF_ERROR(client.RevokeRegion(old.name()).status());
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Waits; false if the user has had enough.
+bool WaitUntil(absl::Time time) {
+  while (!StopRequested() && absl::Now() < time) {
+    std::this_thread::sleep_for(
+        absl::ToChronoMilliseconds(std::min(time - absl::Now(), kLookWhileReplaying)));
+  }
+  return !StopRequested();
+}
+
+absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arguments) {
+  ASSIGN_OR_RETURN(const Client client, ConnectTo(session, arguments.to));
+  ASSIGN_OR_RETURN(Recording recording, Recording::Open(arguments.file));
+  CatchStopSignals();
+  v1::ServedState state;
+  bool compared = false;
+  std::optional<absl::Time> first;
+  absl::Time began;
+  uint64_t last_id = 0;
+  uint64_t published = 0;
+  uint64_t with_defects = 0;
+  while (true) {
+    ASSIGN_OR_RETURN(const std::optional<Recorded> recorded, recording.Next());
+    if (!recorded) break;
+    if (const auto* database = std::get_if<v1::GetDatabaseResponse>(&recorded->message)) {
+      if (!std::exchange(compared, true)) RETURN_IF_ERROR(CompareDatabases(client, *database));
+      continue;
+    }
+    if (!first) {
+      first = recorded->time;
+      began = absl::Now();
+    }
+    if (!WaitUntil(began + (recorded->time - *first) / arguments.speed)) break;
+    if (const auto* news = std::get_if<v1::ServedState>(&recorded->message)) {
+      RETURN_IF_ERROR(AllowRegions(client, *news, state));
+      state = *news;
+    } else if (const auto* scene = std::get_if<v1::Scene>(&recorded->message)) {
+      const auto now = std::chrono::steady_clock::now();
+      ASSIGN_OR_RETURN(const v1::Scene made, client.PublishScene(RequestOf(*scene), now));
+      if (last_id != 0 && made.id() != last_id + 1) return InUse(client);
+      last_id = made.id();
+      ++published;
+      if (!scene->defects().empty()) ++with_defects;
+    }
+  }
+  RETURN_IF_ERROR(AllowRegions(client, {}, state));
+  PrintResult(session.format, Json({{"scenes", published}, {"with_defects", with_defects}}),
+              absl::StrCat(published, " scenes published",
+                           with_defects == 0 ? ""
+                                             : absl::StrCat(", ", with_defects,
+                                                            " of them without joint values, as "
+                                                            "they had defects"),
+                           "\n"));
+  return kDone;
+}
+
+// A path, and what was said of it then; nothing: it was not watched.
+struct Question {
+  std::vector<Configuration> waypoints;
+  std::optional<v1::WatchedPath> watched;
+};
+
+absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
+                                                  const ReplayArguments& arguments,
+                                                  const RecordedMoment& moment) {
+  std::vector<Question> questions;
+  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
+    ASSIGN_OR_RETURN(auto waypoints, WaypointsOf(session, arguments.path));
+    questions.push_back({.waypoints = std::move(waypoints), .watched = {}});
+    return questions;
+  }
+  for (const auto& [id, path] : moment.paths) {
+    Question& question = questions.emplace_back();
+    for (const v1::Configuration& q : path.request().waypoints()) {
+      question.waypoints.emplace_back(q.positions().begin(), q.positions().end());
+    }
+    question.watched = path;
+  }
+  if (questions.empty()) {
+    return InvalidArgument("no path was watched at that moment; give a configuration or a path");
+  }
+  return questions;
+}
+
+// Why everything was unknown then, whatever the preset; empty: it was not.
+std::string UnknownThen(const RecordedMoment& moment) {
+  for (const v1::SceneDefect& defect : moment.scene->defects()) return defect.message();
+  for (const v1::SceneDefect& defect : moment.state.defects()) return defect.message();
+  return "";
+}
+
+// "free", "occupied", "unknown: no scene"
+std::string SaidThen(const v1::WatchedPath& path) {
+  const v1::Verdict& verdict = path.answer().check().verdict();
+  switch (verdict.state()) {
+    case v1::Verdict::STATE_FREE:
+      return "free";
+    case v1::Verdict::STATE_OCCUPIED:
+      return "occupied";
+    default:
+      return "unknown: " + NameOf(client::FromMessage(verdict.reason()));
+  }
+}
+
+// Checks each question as the moment was; `unknown`: why nothing was known.
+absl::StatusOr<bool> Answer(const Session& session, const std::optional<Client>& client,
+                            const std::vector<Question>& questions, const std::string& unknown,
+                            Json& json, std::string& text) {
+  bool all_free = true;
+  for (const Question& question : questions) {
+    Json answer = Json::object();
+    if (question.watched) {
+      answer["client"] = question.watched->client();
+      answer["then"] = SaidThen(*question.watched);
+      absl::StrAppend(&text, "path of ", question.watched->client(), ", then ",
+                      SaidThen(*question.watched), "; ");
+    }
+    if (!client) {
+      all_free = false;
+      answer.update({{"state", "unknown"}, {"message", unknown}});
+      absl::StrAppend(&text, "unknown: ", unknown, "\n");
+    } else {
+      ASSIGN_OR_RETURN(const client::PathCheck check,
+                       client->CheckPath(question.waypoints, session.policy, session.clearance));
+      all_free = all_free && check.verdict.free();
+      answer.update(JsonOf(check, session.clearance));
+      absl::StrAppend(&text, Spoken(check), "\n");
+    }
+    json["answers"].push_back(answer);
+  }
+  return all_free;
+}
+
+absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& arguments) {
+  if (arguments.to.empty()) {
+    return InvalidArgument(
+        "--at asks a server: name one with --to that serves the recording's database and nothing "
+        "else");
+  }
+  ASSIGN_OR_RETURN(const absl::Time time, TimeIn(arguments));
+  ASSIGN_OR_RETURN(const RecordedMoment moment, MomentAt(arguments.file, time));
+  ASSIGN_OR_RETURN(const std::vector<Question> questions, QuestionsAt(session, arguments, moment));
+  const absl::Duration age = time - client::FromMessage(moment.scene->time());
+  Json json = {{"time", Spoken(time)},
+               {"scene_id", moment.scene->id()},
+               {"scene_age_s", absl::ToDoubleSeconds(age)},
+               {"answers", Json::array()}};
+  std::string text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Spoken(time),
+                                     moment.scene->id(), absl::ToDoubleMilliseconds(age));
+  const std::string unknown = UnknownThen(moment);
+  std::optional<Client> client;
+  if (unknown.empty()) {
+    ASSIGN_OR_RETURN(const Client connected, ConnectTo(session, arguments.to));
+    RETURN_IF_ERROR(CompareDatabases(connected, moment.database));
+    RETURN_IF_ERROR(AllowRegions(connected, moment.state, {}));
+    const auto now = std::chrono::steady_clock::now();
+    RETURN_IF_ERROR(connected.PublishScene(RequestOf(*moment.scene), now).status());
+    client = connected.WithVariant(session.variant);
+  }
+  const absl::StatusOr<bool> all_free = Answer(session, client, questions, unknown, json, text);
+  if (client) RETURN_IF_ERROR(AllowRegions(*client, {}, moment.state));
+  RETURN_IF_ERROR(all_free.status());
+  PrintResult(session.format, json, text);
+  return *all_free ? kDone : kNo;
+}
+
+absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments& arguments) {
+  ASSIGN_OR_RETURN(const RecordingSummary summary, SummaryOf(arguments.file));
+  const bool empty = summary.end < summary.start;
+  Json json = {{"cell", summary.cell},
+               {"start", empty ? Json() : Json(Spoken(summary.start))},
+               {"end", empty ? Json() : Json(Spoken(summary.end))},
+               {"scenes", summary.scenes},
+               {"cut", summary.cut},
+               {"stops", Json::array()}};
+  std::string text = empty ? "empty\n"
+                           : absl::StrCat("cell '", summary.cell, "', ", Spoken(summary.start),
+                                          " to ", Spoken(summary.end), ": ", summary.scenes,
+                                          " scenes, ", summary.stops.size(), " stops",
+                                          summary.cut ? "; cut at its end" : "", "\n");
+  for (const Stop& stop : summary.stops) {
+    json["stops"].push_back({{"time", Spoken(stop.time)},
+                             {"client", stop.path.client()},
+                             {"path", stop.path.id()},
+                             {"verdict", SaidThen(stop.path)}});
+    absl::StrAppend(&text, Spoken(stop.time), ": path of ", stop.path.client(), " ",
+                    SaidThen(stop.path), "\n");
+  }
+  PrintResult(session.format, json, text);
+  return kDone;
+}
+
+absl::StatusOr<ExitCode> Replay(const Session& session, const ReplayArguments& arguments) {
+  if (!arguments.at.empty()) return AskAt(session, arguments);
+  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
+    return InvalidArgument("say with --at of which moment the path is to be checked");
+  }
+  return arguments.to.empty() ? Summarize(session, arguments) : Feed(session, arguments);
+}
+
+}  // namespace
+
+void AddReplayCommand(CLI::App& program, Session& session) {
+  CLI::App* command = program.add_subcommand(
+      "replay", "Show a recording of silhouette-record, replay it, or ask about a moment of it");
+  auto arguments = std::make_shared<ReplayArguments>();
+  command->add_option("recording", arguments->file, "An MCAP file of silhouette-record")
+      ->required();
+  command->add_option("--to", arguments->to,
+                      "Publish the scenes to the server at this address: one that serves the "
+                      "recording's\ndatabase and that nobody relies on");
+  command->add_option("--speed", arguments->speed, "Replay so many times as fast")
+      ->check(PositiveNumber())
+      ->capture_default_str();
+  command->add_option("--at", arguments->at,
+                      "Only the scene of this moment: a time, or one after the file's beginning as "
+                      "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
+                      "--preset");
+  AddPathArguments(*command, session, arguments->path);
+  AddVerdictOptions(*command, session);
+  command->footer(
+      "Without --to and --at: from when to when it is, and its stops.\n"
+      "Exit code 1 if a path is not free at that moment.\n\n"
+      "Example:\n"
+      "  silhouette replay recordings/stop-20260131T120000.123Z.mcap\n"
+      "  silhouette replay stop.mcap --to 127.0.0.1:50052 --speed 0.5\n"
+      "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s --preset paper\n"
+      "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s 0.1,0.2 0.5,0.2");
+  Runs(*command, session, Replay, arguments);
+}
+
+}  // namespace silhouette
