@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <random>
 #include <string>
 #include <utility>
@@ -25,7 +26,7 @@
 namespace silhouette::benchmarks {
 namespace {
 
-constexpr uint64_t kArmStride = 8;
+constexpr uint64_t kArmStride = 16;
 constexpr int kArmJoints = 3;
 constexpr double kArmMove = 0.05;  // metres
 
@@ -66,7 +67,7 @@ IndexedCell IndexOf(const RobotImageTable& table, DrawnKind kind) {
 // A scene, and the arm's map in it.
 struct ArmScene {
   ObstacleImages images;
-  const DrawnChecker* checker = nullptr;
+  std::optional<DrawnChecker> checker;
   std::vector<TileVerdicts> map;  // of every kArmStride'th tile
 };
 
@@ -86,7 +87,7 @@ struct ArmBench {
   }
 
   const DrawnBench& drawn = TheDrawnBench();
-  RobotImageTable table = RobotImageTable::Drawn(ArmGrid(drawn.model), drawn.robot);
+  RobotImageTable table = RobotImageTable::Drawn(ArmGrid(drawn.model), drawn.whole);
   IndexedCell own = IndexOf(table, DrawnKind::kOwn);
   IndexedCell reach = IndexOf(table, DrawnKind::kReach);
   std::vector<ArmScene> scenes[2];       // by Thing
@@ -94,14 +95,20 @@ struct ArmBench {
 };
 
 ArmBench::ArmBench() {
+  // It stands upright, and hides what is behind it.
+  const std::vector<Mask> now =
+      drawn.whole->Touched(std::vector<double>(drawn.model.joints().size()));
   for (const Thing thing : kThings) {
     const auto kind = static_cast<size_t>(thing);
     for (size_t i = 0; i < drawn.planes[kind].size(); ++i) {
       ArmScene& scene = scenes[kind].emplace_back();
-      scene.checker = &drawn.checkers[kind][i];
-      for (const std::optional<Mask>& plane : drawn.planes[kind][i]) {
-        scene.images.push_back(ObstacleImage::FromObstacles(*plane, Mask(plane->size())));
+      std::vector<std::optional<Mask>> planes;
+      for (size_t view = 0; view < now.size(); ++view) {
+        scene.images.push_back(
+            ObstacleImage::FromScene(*drawn.planes[kind][i][view] | now[view], now[view]));
+        planes.emplace_back(scene.images.back()->obstacle());
       }
+      scene.checker.emplace(drawn.whole, std::move(planes));
       scene.map = MapOf(scene.images);
     }
   }
@@ -158,14 +165,15 @@ void ArmCheck(benchmark::State& state, Thing thing, bool with_map) {
   std::vector<CollisionChecker> behind;
   size_t by_map = 0;
   for (const ArmScene& scene : bench.scenes[static_cast<size_t>(thing)]) {
-    drawn.emplace_back(bench.table, scene.images, kArmPolicy, TestSupport{.drawn = scene.checker});
+    drawn.emplace_back(bench.table, scene.images, kArmPolicy,
+                       TestSupport{.drawn = &*scene.checker});
     const auto node_is_free = [&scene](ConfigurationNumber node) {
       const uint64_t place = node % kTileSize;
       const TileVerdicts& tile = scene.map[node / kTileSize / kArmStride];
       return (tile.free[place / 64] >> (place % 64) & 1) != 0;
     };
     behind.emplace_back(bench.table, scene.images, kArmPolicy,
-                        TestSupport{.drawn = scene.checker, .node_is_free = node_is_free});
+                        TestSupport{.drawn = &*scene.checker, .node_is_free = node_is_free});
     for (const Configuration& q : bench.questions) {
       if (drawn.back().Check(q).state() != behind.back().Check(q).state()) {
         state.SkipWithError("not as without the map");

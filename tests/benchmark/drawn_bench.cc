@@ -77,9 +77,8 @@ bool Obstacle::Meets(const Vector3d& point) const {
 
 const DrawnBench& TheDrawnBench() {
   static const DrawnBench bench = [] {
-    DrawnBench made{DrawnModel(), nullptr, {}, {}, {}, {}};
+    DrawnBench made{DrawnModel(), nullptr, nullptr, {}, {}, {}, {}};
     std::vector<RobotPart> parts = RobotParts::Of(made.model, {}).value().parts();
-    std::erase_if(parts, [](const RobotPart& part) { return part.link == 0; });
     for (RobotPart& part : parts) part.radius += kDrawnTolerance;
     std::vector<PartDrawer> views;
     for (int i = 0; i < 4; ++i) {
@@ -91,8 +90,10 @@ const DrawnBench& TheDrawnBench() {
     }
     std::vector<std::string> moving;
     for (const RobotJoint& joint : made.model.joints()) moving.push_back(joint.name);
-    made.robot = std::make_shared<const DrawnRobot>(made.model.ChainOf(moving, {}).value(),
-                                                    std::move(parts), std::move(views));
+    const KinematicChain chain = made.model.ChainOf(moving, {}).value();
+    made.whole = std::make_shared<const DrawnRobot>(chain, parts, views);
+    std::erase_if(parts, [](const RobotPart& part) { return part.link == 0; });
+    made.robot = std::make_shared<const DrawnRobot>(chain, std::move(parts), std::move(views));
     DrawnRandom random;
     for (const Thing thing : kThings) {
       const auto kind = static_cast<size_t>(thing);

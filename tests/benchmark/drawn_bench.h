@@ -45,6 +45,7 @@ struct Obstacle {
 struct DrawnBench {
   RobotModel model;
   std::shared_ptr<const DrawnRobot> robot;  // of its moving links
+  std::shared_ptr<const DrawnRobot> whole;  // with its base
   std::vector<Obstacle> obstacles[2];       // by Thing, as are both:
   std::vector<DrawnChecker> checkers[2];
   std::vector<std::vector<std::optional<Mask>>> planes[2];

@@ -26,24 +26,35 @@ int CeilOf(double x) {
   return whole < x ? whole + 1 : whole;
 }
 
-// Drops points inside the quadrilateral of those that are farthest out: they are not on the hull.
+// Drops points inside the octagon of those that are farthest out: they are not on the hull.
 void DropInner(std::vector<Vector2d>& points) {
-  if (points.size() <= 8) return;
-  const auto [left, right] = std::ranges::minmax_element(
-      points, [](const Vector2d& a, const Vector2d& b) { return a.x() < b.x(); });
-  const auto [low, high] = std::ranges::minmax_element(
-      points, [](const Vector2d& a, const Vector2d& b) { return a.y() < b.y(); });
-  const Vector2d corners[5] = {*left, *low, *right, *high, *left};
-  Vector2d normals[4];  // inwards
-  double offsets[4];
-  for (int i = 0; i < 4; ++i) {
-    const Vector2d along = corners[i + 1] - corners[i];
-    normals[i] = {-along.y(), along.x()};
-    offsets[i] = normals[i].dot(corners[i]);
+  constexpr size_t kCorners = 8;
+  if (points.size() <= kCorners) return;
+  Vector2d corners[kCorners];  // along -x, -x - y, -y, x - y, and opposite ones
+  double farthest[kCorners];
+  std::fill_n(farthest, kCorners, -std::numeric_limits<double>::infinity());
+  for (const Vector2d& p : points) {
+    const double along[4] = {-p.x(), -p.x() - p.y(), -p.y(), p.x() - p.y()};
+    for (size_t i = 0; i < kCorners; ++i) {
+      const double at = i < 4 ? along[i] : -along[i - 4];
+      if (!(at > farthest[i])) continue;
+      farthest[i] = at;
+      corners[i] = p;
+    }
+  }
+  Vector2d normals[kCorners];  // inwards
+  double offsets[kCorners];
+  size_t sides = 0;
+  for (size_t i = 0; i < kCorners; ++i) {
+    const Vector2d along = corners[(i + 1) % kCorners] - corners[i];
+    if (along.x() == 0 && along.y() == 0) continue;
+    normals[sides] = {-along.y(), along.x()};
+    offsets[sides] = normals[sides].dot(corners[i]);
+    ++sides;
   }
   std::erase_if(points, [&](const Vector2d& p) {
     bool inside = true;
-    for (int i = 0; i < 4; ++i) {
+    for (size_t i = 0; i < sides; ++i) {
       inside &= normals[i].x() * p.x() + normals[i].y() * p.y() > offsets[i];
     }
     return inside;
@@ -256,6 +267,7 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
     const Vector3d& point = scratch.points[i];
     AppendAround(point.head<2>() / point.z(), ReachOfBall(point, growth), scratch.projected);
   }
+  DropInner(scratch.projected);
   ConvexHull(scratch.projected, scratch.outline);
 }
 
