@@ -26,7 +26,7 @@
 namespace silhouette::benchmarks {
 namespace {
 
-constexpr uint64_t kArmStride = 16;
+constexpr uint64_t kArmStride = 32;
 constexpr int kArmJoints = 3;
 constexpr double kArmMove = 0.05;  // metres
 
