@@ -2,7 +2,7 @@
 // Nodes of an arm: the map of the RX130's first three joints (`arm_joints: 3`, max_move 5 cm), and
 // checks of all six behind it.
 //
-// Drawing all nodes takes many minutes. Each kArmStride'th tile is drawn and indexed, in memory;
+// Drawing all nodes takes half an hour. Each kArmStride'th tile is drawn and indexed, in memory;
 // figures are those of one node, and checks are of joint values whose nearest node is among them.
 #include <benchmark/benchmark.h>
 
