@@ -1,21 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A robot of six joints that is drawn at any joint values, against FCL and an OctoMap octree with
 // the same moving links.
-//
-// The RX130, four views of 64 x 64 pixels 4.2 m away that show its whole reach. Scenes: a person's
-// cylinder, or a box of a hand's size, within reach. The planes are all that these touch.
 #include <benchmark/benchmark.h>
 #include <fcl/fcl.h>
 #include <octomap/octomap.h>
 
 #include <algorithm>
-#include <cmath>
-#include <ctime>
-#include <limits>
 #include <memory>
-#include <numbers>
-#include <optional>
-#include <random>
 #include <string>
 #include <utility>
 #include <variant>
@@ -23,158 +14,13 @@
 
 #include "calib/robot/drawing/drawn_checker.h"
 #include "calib/robot/drawing/motion_check.h"
-#include "calib/robot/parts.h"
-#include "calib/robot/robot_model.h"
-#include "tests/folders.h"
+#include "tests/benchmark/drawn_bench.h"
 
 namespace silhouette::benchmarks {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-using DrawnRandom = std::mt19937_64;
-
-constexpr int kDrawnScenes = 8;  // of a kind
-constexpr double kDrawnVoxel = 0.02;
-constexpr double kDrawnTolerance = 0.005;
-constexpr double kDrawnMargin = 0.25;  // pixels, the server's default
-
-double Any(DrawnRandom& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
-
-// Upright; x to the right, y down, z along the view.
-CameraModel CameraAt(const Vector3d& centre, const Vector3d& target) {
-  Isometry3d world_from_camera = Isometry3d::Identity();
-  const Vector3d along = (target - centre).normalized();
-  const Vector3d right = along.cross(Vector3d::UnitZ()).normalized();
-  world_from_camera.linear() << right, along.cross(right), along;
-  world_from_camera.translation() = centre;
-  const CameraIntrinsics in{.width = 64, .height = 64, .fx = 78, .fy = 78, .cx = 31.5, .cy = 31.5};
-  return {in, world_from_camera.inverse()};
-}
-
-enum class Thing { kPerson, kHand };
-
-// A cylinder or box, upright.
-struct Obstacle {
-  Thing thing = Thing::kPerson;
-  Isometry3d pose = Isometry3d::Identity();
-  Vector3d half = Vector3d::Zero();  // x and y: the cylinder's radius
-
-  Eigen::Matrix3Xd Points() const {
-    const int corners = thing == Thing::kPerson ? 32 : 4;
-    const double out = 1 / std::cos(std::numbers::pi / corners);
-    Eigen::Matrix3Xd points(3, 2 * corners);
-    for (int i = 0; i < 2 * corners; ++i) {
-      const double angle = 2 * std::numbers::pi * (i / 2 + 0.5) / corners;
-      points.col(i) = Vector3d(half.x() * out * std::cos(angle), half.y() * out * std::sin(angle),
-                               i % 2 == 0 ? half.z() : -half.z());
-    }
-    return points;
-  }
-
-  // Whether it meets a voxel about `point`, or nearly.
-  bool Meets(const Vector3d& point) const {
-    const Vector3d p = (pose.inverse() * point).cwiseAbs();
-    const double margin = 0.87 * kDrawnVoxel;
-    if (p.z() > half.z() + margin) return false;
-    if (thing == Thing::kPerson) return p.head<2>().norm() <= half.x() + margin;
-    return p.x() <= half.x() + margin && p.y() <= half.y() + margin;
-  }
-};
-
-Obstacle MakeObstacle(Thing thing, DrawnRandom& random) {
-  Obstacle obstacle{.thing = thing};
-  const double angle = Any(random, -std::numbers::pi, std::numbers::pi);
-  const bool person = thing == Thing::kPerson;
-  const double away = person ? Any(random, 0.8, 1.5) : Any(random, 0.4, 1.1);
-  obstacle.half = person ? Vector3d(0.22, 0.22, 0.875) : Vector3d(0.09, 0.05, 0.04);
-  obstacle.pose.translation() = Vector3d(away * std::cos(angle), away * std::sin(angle),
-                                         person ? 0.875 : Any(random, 0.3, 1.5));
-  obstacle.pose.linear() = Eigen::AngleAxisd(angle, Vector3d::UnitZ()).toRotationMatrix();
-  return obstacle;
-}
-
-RobotModel DrawnModel() {
-  return RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value();
-}
-
-struct DrawnBench {
-  RobotModel model = DrawnModel();
-  std::shared_ptr<const DrawnRobot> robot;  // of its moving links
-  std::vector<Obstacle> obstacles[2];
-  std::vector<DrawnChecker> checkers[2];
-  std::vector<std::vector<std::optional<Mask>>> planes[2];
-  std::vector<std::vector<double>> questions;  // joint values
-};
-
-const DrawnBench& TheDrawnBench() {
-  static const DrawnBench bench = [] {
-    DrawnBench made;
-    std::vector<RobotPart> parts = RobotParts::Of(made.model, {}).value().parts();
-    std::erase_if(parts, [](const RobotPart& part) { return part.link == 0; });
-    for (RobotPart& part : parts) part.radius += kDrawnTolerance;
-    std::vector<PartDrawer> views;
-    for (int i = 0; i < 4; ++i) {
-      const double angle = std::numbers::pi * (0.25 + 0.5 * i);
-      const Vector3d target(0, 0, 0.7);
-      const Vector3d out(std::cos(angle) * 0.9, std::sin(angle) * 0.9, 0.436);
-      views.emplace_back(CameraAt(target + 4.2 * out.normalized(), target), MaskSize{64, 64},
-                         kDrawnMargin);
-    }
-    std::vector<std::string> moving;
-    for (const RobotJoint& joint : made.model.joints()) moving.push_back(joint.name);
-    made.robot = std::make_shared<const DrawnRobot>(made.model.ChainOf(moving, {}).value(),
-                                                    std::move(parts), std::move(views));
-    DrawnRandom random;
-    for (const Thing thing : {Thing::kPerson, Thing::kHand}) {
-      const auto kind = static_cast<size_t>(thing);
-      for (int i = 0; i < kDrawnScenes; ++i) {
-        const Obstacle obstacle = MakeObstacle(thing, random);
-        std::vector<std::optional<Mask>> planes;
-        DrawingScratch scratch;
-        for (const PartDrawer& view : made.robot->views()) {
-          std::vector<uint64_t> words(view.size().words());
-          view.AddTouched(obstacle.pose, obstacle.Points(), 0, scratch, words);
-          planes.emplace_back(Mask::FromWords(view.size(), std::move(words)));
-        }
-        made.obstacles[kind].push_back(obstacle);
-        made.checkers[kind].emplace_back(made.robot, planes);
-        made.planes[kind].push_back(std::move(planes));
-      }
-    }
-    for (int i = 0; i < 4000; ++i) {
-      std::vector<double>& q = made.questions.emplace_back();
-      for (const RobotJoint& joint : made.model.joints()) {
-        q.push_back(Any(random, joint.lower, joint.upper));
-      }
-    }
-    return made;
-  }();
-  return bench;
-}
-
-double ThreadSeconds() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-// Counter mean_ns: of one of `count` calls of ask(i), time of the processor; per_second: of them.
-template <typename Ask>
-void MeasureMean(benchmark::State& state, size_t count, Ask ask) {
-  double least = std::numeric_limits<double>::infinity();
-  for (auto _ : state) {
-    const double begin = ThreadSeconds();
-    for (size_t i = 0; i < count; ++i) ask(i);
-    const double time = ThreadSeconds() - begin;
-    least = std::min(least, time);
-    state.SetIterationTime(time);
-  }
-  state.counters["mean_ns"] = least * 1e9 / static_cast<double>(count);
-  state.counters["per_second"] = static_cast<double>(count) / least;
-}
 
 bool ByMasks(const DrawnBench& bench, Thing thing, size_t scene, size_t question, int min_views) {
   const auto& planes = bench.planes[static_cast<size_t>(thing)][scene];
@@ -388,8 +234,8 @@ const bool kDrawnRegistered = [] {
         ->UseManualTime()
         ->Unit(benchmark::kMillisecond);
   };
-  for (const Thing thing : {Thing::kPerson, Thing::kHand}) {
-    const std::string name = thing == Thing::kPerson ? "/person" : "/hand";
+  for (const Thing thing : kThings) {
+    const std::string name = "/" + NameOf(thing);
     add("fcl_octomap_any_q" + name, FclAnyQ, thing, Baseline::kExact);
     add("fcl_capsules_any_q" + name, FclAnyQ, thing, Baseline::kCapsules);
     add("check_any_q" + name + "/3", CheckAnyQ, thing, 3);

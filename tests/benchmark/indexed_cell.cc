@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/benchmark/indexed_cell.h"
 
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <span>
@@ -31,26 +32,34 @@ void IndexedCell::Append(const std::vector<std::byte>& bytes) {
 }
 
 IndexedCell::IndexedCell(const SyntheticCell& cell, uint64_t stride)
-    : trees_(TreesFor(cell.mask_sizes())) {
-  const uint64_t count = (cell.grid().tiles() + stride - 1) / stride;
+    : IndexedCell(cell.mask_sizes(), (cell.grid().tiles() + stride - 1) / stride,
+                  [&](size_t i, TileIndexBuilder& builder) {
+                    uint64_t configurations = 0;
+                    const TileMasks masks = cell.RenderTile(i * stride);
+                    std::array<MaskWords, kViews> images;
+                    for (uint64_t place = 0; place < kTileSize; ++place) {
+                      if (!masks.present(place)) continue;
+                      for (int view = 0; view < kViews; ++view) {
+                        images[static_cast<size_t>(view)] = masks.mask(view, place);
+                      }
+                      builder.Add(place, images);
+                      ++configurations;
+                    }
+                    return configurations;
+                  }) {}
+
+IndexedCell::IndexedCell(std::span<const MaskSize> sizes, uint64_t tiles, const AddTile& add)
+    : trees_(TreesFor(sizes)) {
   std::atomic<uint64_t> configurations = 0;
-  std::vector<std::vector<std::byte>> built(count);
-  ParallelFor(count, [&](size_t i) {
+  std::vector<std::vector<std::byte>> built(tiles);
+  ParallelFor(tiles, [&](size_t i) {
     TileIndexBuilder builder(trees_);
-    const TileMasks masks = cell.RenderTile(i * stride);
-    std::array<MaskWords, kViews> images;
-    for (uint64_t place = 0; place < kTileSize; ++place) {
-      if (!masks.present(place)) continue;
-      for (int view = 0; view < kViews; ++view) {
-        images[static_cast<size_t>(view)] = masks.mask(view, place);
-      }
-      builder.Add(place, images);
-      ++configurations;
-    }
+    configurations += add(i, builder);
     built[i] = builder.Finish();
   });
   for (std::vector<std::byte>& bytes : built) Append(std::exchange(bytes, {}));
-  mask_bytes_ = configurations * BytesOfMasks(cell.mask_sizes());
+  configurations_ = configurations;
+  mask_bytes_ = configurations * BytesOfMasks(sizes);
 }
 
 }  // namespace silhouette::benchmarks

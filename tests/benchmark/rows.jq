@@ -7,7 +7,7 @@
 # out.
 
 # How many of a counter's units make one of a row's.
-def scale: {"ns": 1, "us": 1e3, "ms": 1e6, "s": 1e9, "M/s": 1e6, "MB": 1e6}[.]
+def scale: {"ns": 1, "us": 1e3, "ms": 1e6, "s": 1e9, "M/s": 1e6, "B": 1, "MB": 1e6}[.]
   // error("the unit \(.) is not known");
 # "name/manual_time" and the like without what Google Benchmark adds.
 def plain: sub("(/(manual_time|real_time|process_time|iterations:[0-9]+|min_time:[0-9.]+))+$"; "");

@@ -47,6 +47,7 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
     if (shown[view]->Empty()) continue;
     plane.distances = PlaneDistances(*shown[view]);
     plane.mask = *std::move(shown[view]);
+    ++filled_;
   }
 }
 
@@ -115,9 +116,12 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int enough, bo
   robot_->balls().Place(scratch.base_from_link, growth, scratch.balls);
   scratch.candidates.clear();
   int showing = missing_;
-  int open = 0;  // views
+  int open = 0;         // views
+  int after = filled_;  // views still to be looked at
   for (size_t view = 0; view < planes_.size() && showing < enough; ++view) {
     if (planes_[view].mask.words().empty()) continue;
+    if (!any_counts && showing + open + after < enough) return std::min(enough, showing);
+    --after;
     const size_t before = scratch.candidates.size();
     if (Look(view, growth, scratch)) {
       ++showing;

@@ -57,7 +57,7 @@ class DrawnChecker {
   int Showing(std::span<const double> q, Growth growth, int enough,
               DrawnCheckScratch& scratch) const;
 
-  // Whether at least `views` views show one: Showing() >= views, and faster where some do.
+  // Whether at least `views` views show one: Showing() >= views, and faster.
   bool ShownBy(int views, std::span<const double> q, Growth growth,
                DrawnCheckScratch& scratch) const;
 
@@ -77,7 +77,8 @@ class DrawnChecker {
 
   std::shared_ptr<const DrawnRobot> robot_;
   std::vector<Plane> planes_;  // by view
-  int missing_ = 0;
+  int missing_ = 0;            // views
+  int filled_ = 0;             // planes that show anything
 };
 
 }  // namespace silhouette

@@ -8,12 +8,14 @@
 #include <stdexcept>
 
 #include "calib/robot/drawing/convex_outline.h"
+#include "db/mask/wider_vectors.h"
 
 namespace silhouette {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+using Four [[gnu::vector_size(32)]] = double;
 
 constexpr double kNear = 0.01;      // metres before the camera's plane; nothing is seen nearer
 constexpr double kSag = 1.0 / 16;   // pixels that a chord may be off the image of its edge
@@ -26,24 +28,44 @@ int CeilOf(double x) {
   return whole < x ? whole + 1 : whole;
 }
 
-// Drops points inside the quadrilateral of those that are farthest out: they are not on the hull.
+// Drops points inside the octagon of those that are farthest out: they are not on the hull.
 void DropInner(std::vector<Vector2d>& points) {
-  if (points.size() <= 8) return;
-  const auto [left, right] = std::ranges::minmax_element(
-      points, [](const Vector2d& a, const Vector2d& b) { return a.x() < b.x(); });
-  const auto [low, high] = std::ranges::minmax_element(
-      points, [](const Vector2d& a, const Vector2d& b) { return a.y() < b.y(); });
-  const Vector2d corners[5] = {*left, *low, *right, *high, *left};
-  Vector2d normals[4];  // inwards
-  double offsets[4];
-  for (int i = 0; i < 4; ++i) {
-    const Vector2d along = corners[i + 1] - corners[i];
-    normals[i] = {-along.y(), along.x()};
-    offsets[i] = normals[i].dot(corners[i]);
+  constexpr size_t kCorners = 8;
+  if (points.size() <= kCorners) return;
+  const auto values = [](const Vector2d& p) {
+    return std::array<double, 4>{p.x(), p.x() + p.y(), p.y(), p.y() - p.x()};
+  };
+  std::array<double, 4> low = values(points.front());
+  std::array<double, 4> high = low;
+  for (const Vector2d& p : points) {
+    const std::array<double, 4> at = values(p);
+    for (size_t i = 0; i < 4; ++i) {
+      low[i] = std::min(low[i], at[i]);
+      high[i] = std::max(high[i], at[i]);
+    }
+  }
+  Vector2d corners[kCorners];  // counter-clockwise
+  std::fill_n(corners, kCorners, points.front());
+  for (const Vector2d& p : points) {
+    const std::array<double, 4> at = values(p);
+    for (size_t i = 0; i < 4; ++i) {
+      if (at[i] == high[i]) corners[i] = p;
+      if (at[i] == low[i]) corners[i + 4] = p;
+    }
+  }
+  Vector2d normals[kCorners];  // inwards
+  double offsets[kCorners];
+  size_t sides = 0;
+  for (size_t i = 0; i < kCorners; ++i) {
+    const Vector2d along = corners[(i + 1) % kCorners] - corners[i];
+    if (along.x() == 0 && along.y() == 0) continue;
+    normals[sides] = {-along.y(), along.x()};
+    offsets[sides] = normals[sides].dot(corners[i]);
+    ++sides;
   }
   std::erase_if(points, [&](const Vector2d& p) {
     bool inside = true;
-    for (int i = 0; i < 4; ++i) {
+    for (size_t i = 0; i < sides; ++i) {
       inside &= normals[i].x() * p.x() + normals[i].y() * p.y() > offsets[i];
     }
     return inside;
@@ -119,6 +141,88 @@ double Checked(double margin) {
   throw std::invalid_argument("the margin of the calibration must not be negative");
 }
 
+// Where points are in the camera's frame, and at z = 1.
+struct Extremes {
+  double sum = 0;  // of all numbers' sizes: finite if all are, or too large for a body
+  double nearest = 0;
+  double farthest = 0;
+  double off_axis = 0;          // at z = 1, squared
+  std::array<double, 4> low{};  // of x, y, x + y, x - y at z = 1
+  std::array<double, 4> high{};
+};
+
+}  // namespace
+
+// `turn`, row by row, and `move` take `from`, at least one point, into the camera's frame. Results,
+// one for each point: `points`, which may be `from`, and `projected`, at z = 1.
+SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const double* move,
+                                                       const double* from, size_t count,
+                                                       double* points, double* projected) {
+  const Four zero = {};
+  const Four infinity = zero + std::numeric_limits<double>::infinity();
+  Four sum = zero;
+  Four least[5] = {infinity, infinity, infinity, infinity, infinity};
+  Four most[5] = {-infinity, -infinity, -infinity, -infinity, -infinity};
+  Four off_axis = zero;
+  for (size_t begin = 0; begin < count; begin += 4) {
+    size_t at[4];  // the last one again, up to a whole vector
+    for (size_t lane = 0; lane < 4; ++lane) at[lane] = 3 * std::min(begin + lane, count - 1);
+    Four of[3];
+    for (size_t i = 0; i < 3; ++i) {
+      of[i] = Four{from[at[0] + i], from[at[1] + i], from[at[2] + i], from[at[3] + i]};
+    }
+    Four to[3];
+    for (size_t i = 0; i < 3; ++i) {
+      to[i] = turn[3 * i] * of[0] + turn[3 * i + 1] * of[1] + turn[3 * i + 2] * of[2] + move[i];
+      sum += to[i] < 0 ? -to[i] : to[i];
+    }
+    const Four inverse = 1 / to[2];
+    const Four x = to[0] * inverse;
+    const Four y = to[1] * inverse;
+    const Four square = x * x + y * y;
+    off_axis = off_axis > square ? off_axis : square;
+    const Four along[5] = {x, y, x + y, x - y, to[2]};
+    for (int i = 0; i < 5; ++i) {
+      least[i] = along[i] < least[i] ? along[i] : least[i];
+      most[i] = along[i] > most[i] ? along[i] : most[i];
+    }
+    for (size_t lane = 0; lane < std::min<size_t>(4, count - begin); ++lane) {
+      for (size_t i = 0; i < 3; ++i) points[3 * (begin + lane) + i] = to[i][lane];
+      projected[2 * (begin + lane)] = x[lane];
+      projected[2 * (begin + lane) + 1] = y[lane];
+    }
+  }
+  const auto min = [](const Four& v) { return std::min({v[0], v[1], v[2], v[3]}); };
+  const auto max = [](const Four& v) { return std::max({v[0], v[1], v[2], v[3]}); };
+  Extremes found{.sum = sum[0] + sum[1] + sum[2] + sum[3],
+                 .nearest = min(least[4]),
+                 .farthest = max(most[4]),
+                 .off_axis = max(off_axis)};
+  for (size_t i = 0; i < 4; ++i) {
+    found.low[i] = min(least[i]);
+    found.high[i] = max(most[i]);
+  }
+  return found;
+}
+
+namespace {
+
+Extremes ProjectInto(const Eigen::Isometry3d& camera_from_body, const double* from, size_t count,
+                     DrawingScratch& scratch) {
+  double turn[9];
+  double move[3];
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) {
+      turn[3 * row + column] = camera_from_body(row, column);
+    }
+    move[row] = camera_from_body(row, 3);
+  }
+  scratch.points.resize(count);
+  scratch.projected.resize(count);
+  return ProjectPoints(turn, move, from, count, scratch.points.data()->data(),
+                       scratch.projected.data()->data());
+}
+
 }  // namespace
 
 PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size, double margin)
@@ -128,22 +232,6 @@ PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size, double margin)
       window_(camera_, margin_),
       widened_(margin_ + kRounding + (window_.clear_of_fold() ? 0 : 0.5)),
       corners_(camera_, margin_) {}
-
-void PartDrawer::PointsInCamera(const Eigen::Isometry3d& world_from_body,
-                                const Eigen::Matrix3Xd& points, DrawingScratch& scratch) const {
-  const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
-  const Eigen::Matrix3d turn = camera_from_body.linear();
-  const Vector3d move = camera_from_body.translation();
-  scratch.points.resize(static_cast<size_t>(points.cols()));
-  const double* from = points.data();
-  for (Vector3d& point : scratch.points) {
-    for (int row = 0; row < 3; ++row) {
-      point[row] =
-          turn(row, 0) * from[0] + turn(row, 1) * from[1] + turn(row, 2) * from[2] + move[row];
-    }
-    from += 3;
-  }
-}
 
 bool PartDrawer::CutNearPlane(double growth, double least, DrawingScratch& scratch) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -184,38 +272,9 @@ bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
   return true;
 }
 
-void PartDrawer::Project(double growth, DrawingScratch& scratch) const {
-  scratch.projected.resize(scratch.points.size());
-  double nearest = std::numeric_limits<double>::infinity();
-  double farthest = 0;
-  double off_axis = 0;  // squared
-  for (size_t i = 0; i < scratch.points.size(); ++i) {
-    const Vector3d& point = scratch.points[i];
-    const double inverse = 1 / point.z();
-    Vector2d& at = scratch.projected[i];
-    at = {point.x() * inverse, point.y() * inverse};
-    nearest = std::min(nearest, point.z());
-    farthest = std::max(farthest, point.z());
-    off_axis = std::max(off_axis, at.x() * at.x() + at.y() * at.y());
-  }
-  // What a ball's image reaches is between radius / depth and this: ReachOfBall.
-  scratch.most_reach = growth * std::sqrt(1 + off_axis) / (nearest - growth);
-  scratch.least_reach = growth / farthest;
-}
-
-// Whether an octagon about the projected, grown points meets the plane nowhere.
-bool PartDrawer::IsClear(DrawingScratch& scratch, MaskWords plane) const {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  double low[4] = {kInfinity, kInfinity, kInfinity, kInfinity};  // of x, y, x + y, x - y
-  double high[4] = {-kInfinity, -kInfinity, -kInfinity, -kInfinity};
-  for (const Vector2d& p : scratch.projected) {
-    const double at[4] = {p.x(), p.y(), p.x() + p.y(), p.x() - p.y()};
-    for (int i = 0; i < 4; ++i) {
-      low[i] = std::min(low[i], at[i]);
-      high[i] = std::max(high[i], at[i]);
-    }
-  }
-  for (int i = 0; i < 4; ++i) {
+bool PartDrawer::IsClear(std::array<double, 4> low, std::array<double, 4> high,
+                         DrawingScratch& scratch, MaskWords plane) const {
+  for (size_t i = 0; i < 4; ++i) {
     const double reach = 1.036 * scratch.most_reach * (i < 2 ? 1 : std::numbers::sqrt2);
     low[i] -= reach;
     high[i] += reach;
@@ -256,6 +315,7 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
     const Vector3d& point = scratch.points[i];
     AppendAround(point.head<2>() / point.z(), ReachOfBall(point, growth), scratch.projected);
   }
+  DropInner(scratch.projected);
   ConvexHull(scratch.projected, scratch.outline);
 }
 
@@ -337,24 +397,26 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   if (!(growth >= 0) || !std::isfinite(growth)) {
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
-  PointsInCamera(world_from_body, points, scratch);
-  double nearest = std::numeric_limits<double>::infinity();
-  double farthest = -nearest;
-  double sum = 0;  // finite if all are; where it is too large, so is the body
-  for (const Vector3d& point : scratch.points) {
-    nearest = std::min(nearest, point.z());
-    farthest = std::max(farthest, point.z());
-    sum += std::abs(point.x()) + std::abs(point.y()) + std::abs(point.z());
-  }
-  if (!std::isfinite(sum) || !std::isfinite(window_.scale()) || !std::isfinite(window_.bend()))
+  Extremes seen = ProjectInto(camera_.camera_from_world() * world_from_body, points.data(),
+                              static_cast<size_t>(points.cols()), scratch);
+  if (!std::isfinite(seen.sum) || !std::isfinite(window_.scale()) ||
+      !std::isfinite(window_.bend())) {
     return Extent::kAll;
-  if (farthest + growth <= 0) return Extent::kNothing;  // behind the camera
+  }
+  if (seen.farthest + growth <= 0) return Extent::kNothing;  // behind the camera
   const double least = 2 * growth + kNear;
-  if (nearest < least && !CutNearPlane(growth, least, scratch)) return Extent::kAll;
-  if (scratch.points.empty()) return Extent::kNothing;
-
-  Project(growth, scratch);
-  if (!plane.empty() && window_.clear_of_fold() && IsClear(scratch, plane)) return Extent::kNothing;
+  if (seen.nearest < least) {
+    if (!CutNearPlane(growth, least, scratch)) return Extent::kAll;
+    if (scratch.points.empty()) return Extent::kNothing;
+    seen = ProjectInto(Eigen::Isometry3d::Identity(), scratch.points.data()->data(),
+                       scratch.points.size(), scratch);
+  }
+  // What a ball's image reaches is between radius / depth and this: ReachOfBall.
+  scratch.most_reach = growth * std::sqrt(1 + seen.off_axis) / (seen.nearest - growth);
+  scratch.least_reach = growth / seen.farthest;
+  if (!plane.empty() && window_.clear_of_fold() && IsClear(seen.low, seen.high, scratch, plane)) {
+    return Extent::kNothing;
+  }
   WidenedOutline(growth, scratch);
   window_.Clip(scratch.outline, scratch.clipped);
   if (scratch.outline.empty()) return Extent::kNothing;
@@ -408,12 +470,9 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
                             const Eigen::Matrix3Xd& points, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
-  PointsInCamera(world_from_body, points, scratch);
-  scratch.projected.clear();
-  for (const Vector3d& point : scratch.points) {
-    if (!(point.z() >= kNear)) return;
-    scratch.projected.emplace_back(point.head<2>() / point.z());
-  }
+  const Extremes seen = ProjectInto(camera_.camera_from_world() * world_from_body, points.data(),
+                                    static_cast<size_t>(points.cols()), scratch);
+  if (!std::isfinite(seen.sum) || seen.nearest < kNear) return;
   ConvexHull(scratch.projected, scratch.hull);
   if (scratch.hull.size() < 3) return;
   corners_.AddInside(scratch.hull, words);

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -81,8 +82,6 @@ class PartDrawer {
   Bounds bounds() const;
 
  private:
-  void PointsInCamera(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-                      DrawingScratch& scratch) const;
   // Keeps the part of the body that is before the camera. False: what is near the camera's plane
   // may be seen.
   bool CutNearPlane(double growth, double least, DrawingScratch& scratch) const;
@@ -98,8 +97,10 @@ class PartDrawer {
   enum class Extent { kNothing, kAll, kRows };
   Extent Trace(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                double growth, DrawingScratch& scratch, MaskWords plane) const;
-  void Project(double growth, DrawingScratch& scratch) const;
-  bool IsClear(DrawingScratch& scratch, MaskWords plane) const;
+  // Whether an octagon about the projected, grown points meets the plane nowhere. `low`, `high`: of
+  // their x, y, x + y and x - y.
+  bool IsClear(std::array<double, 4> low, std::array<double, 4> high, DrawingScratch& scratch,
+               MaskWords plane) const;
   void TraceOutline(DrawingScratch& scratch) const;
   // Calls `take(first, last)` with the bits of each row of the scratch while it returns true;
   // whether it always did.

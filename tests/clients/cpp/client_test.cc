@@ -443,22 +443,6 @@ TEST(Connect, RefusesWhatIsNoAddress) {
   EXPECT_TRUE(Client::Connect("[::1]:50051").ok());
 }
 
-TEST(Connect, ServerThatStartsLaterIsFoundThoughEachCallBeforeFailedAtOnce) {
-  std::string address;
-  { address = FakeServer().address; }
-  const Client client = Client::Connect(address, absl::Milliseconds(200)).value();
-  EXPECT_EQ(client.GetDatabase().status().code(), absl::StatusCode::kUnavailable);
-  EXPECT_EQ(client.GetDatabase().status().code(), absl::StatusCode::kUnavailable);
-  const FakeServer server(address);
-  absl::StatusCode code = absl::StatusCode::kUnavailable;
-  constexpr int kCalls = 250;  // an attempt to connect is made every second, at least
-  for (int i = 0; i < kCalls && code == absl::StatusCode::kUnavailable; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    code = client.GetDatabase().status().code();
-  }
-  EXPECT_EQ(code, absl::StatusCode::kUnimplemented) << "the server answers";
-}
-
 TEST(Database, IsReadWhole) {
   FakeServer server;
   server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {

@@ -13,6 +13,7 @@
 
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "tests/folders.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 #include "tools/recording/recording.h"
 
@@ -42,7 +43,7 @@ class RecordProgram : public ::testing::Test {
                                  "cd " + cell_.shell().folder().string() +
                                      " && exec env "
                                      "SILHOUETTE_SERVER=" +
-                                     cell_.address() + " " SILHOUETTE_BIN_DIR "/" + command},
+                                     cell_.address() + " " + ProgramFolder() + "/" + command},
         cell_.shell().folder() / output);
   }
 
@@ -243,7 +244,7 @@ TEST_F(RecordProgram, LostServerIsToldOnceAndMistakesEndIt) {
   EXPECT_EQ(record->End(SIGINT), 0);
   for (const std::string arguments : {"", "--folder r --size 0", "--folder r --files 0",
                                       "--folder /dev/null/x", "nonsense --folder r"}) {
-    const Ended ended = cell_.shell().Run(SILHOUETTE_BIN_DIR "/silhouette-record " + arguments);
+    const Ended ended = cell_.shell().Run(ProgramFolder() + "/silhouette-record " + arguments);
     EXPECT_EQ(ended.exit_code, 2) << arguments << ended.err;
     EXPECT_THAT(ended.err, ::testing::StartsWith("silhouette-record: ")) << arguments;
   }
@@ -255,8 +256,8 @@ TEST_F(RecordProgram, LostServerIsToldOnceAndMistakesEndIt) {
 
 // The libraries that Foxglove reads it with, from npm.
 TEST_F(RecordProgram, OpensWithTheFormatsOwnLibrary) {
-  const std::string source = SILHOUETTE_SOURCE_DIR "/tests/tools/silhouette-record/";
-  const std::string modules = SILHOUETTE_BUILD_DIR "/tests/npm";
+  const std::string source = SourceFolder() + "/tests/tools/silhouette-record/";
+  const std::string modules = BuildFolder() + "/tests/npm";
   const Shell& shell = cell_.shell();
   if (shell.Run("command -v npm node").exit_code != 0) GTEST_SKIP() << "npm is not installed";
   const Ended installed =
