@@ -3,8 +3,8 @@
 
 namespace silhouette {
 
-std::string SourceFolder() { return SourceFolder(); }
-std::string BuildFolder() { return BuildFolder(); }
-std::string ProgramFolder() { return ProgramFolder(); }
+std::string SourceFolder() { return SILHOUETTE_SOURCE_DIR; }
+std::string BuildFolder() { return SILHOUETTE_BUILD_DIR; }
+std::string ProgramFolder() { return SILHOUETTE_BIN_DIR; }
 
 }  // namespace silhouette

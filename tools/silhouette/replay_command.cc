@@ -287,11 +287,12 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
                {"scenes", summary.scenes},
                {"cut", summary.cut},
                {"stops", Json::array()}};
-  std::string text = empty ? "empty\n"
-                           : absl::StrCat("cell '", summary.cell, "', ", Spoken(summary.start),
-                                          " to ", Spoken(summary.end), ": ", summary.scenes,
-                                          " scenes, ", summary.stops.size(), " stops",
-                                          summary.cut ? "; cut at its end" : "", "\n");
+  std::string text =
+      empty ? "empty\n"
+            : absl::StrCat("cell '", summary.cell, "', ", Spoken(summary.start), " to ",
+                           Spoken(summary.end), ": ", summary.scenes, " scenes, ",
+                           summary.stops.size(), summary.stops.size() == 1 ? " stop" : " stops",
+                           summary.cut ? "; cut at its end" : "", "\n");
   for (const Stop& stop : summary.stops) {
     json["stops"].push_back({{"time", Spoken(stop.time)},
                              {"client", stop.path.client()},
