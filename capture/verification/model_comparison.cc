@@ -256,8 +256,9 @@ void Comparing::FindNeeds(size_t sample, size_t view, const Mask& missing) {
   std::vector<GrowthFit::Needs> needs(pixels.size(), GrowthFit::Needs(links(), none));
   for (size_t link = 0; link < links(); ++link) {
     const Mask most = drawer_.Touched(view, link, GrowthOf(steps_));
-    auto left = std::ranges::count_if(
+    const bool reaches = std::ranges::any_of(
         pixels, [&](const cv::Point& pixel) { return most.at(pixel.x, pixel.y); });
+    size_t left = reaches ? pixels.size() : 0;
     for (int k = 1; k <= steps_ && left > 0; ++k) {
       const Mask grown = drawer_.Touched(view, link, GrowthOf(k));
       for (size_t i = 0; i < pixels.size(); ++i) {

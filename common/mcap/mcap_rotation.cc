@@ -45,14 +45,15 @@ void McapRotation::MakeRoom() const {
   }
   std::ranges::sort(files);  // their names begin with their times
   for (size_t i = 0; i + static_cast<size_t>(settings_.files) < files.size(); ++i) {
-    std::filesystem::remove(files[i], error);
+    if (files[i] != path_) std::filesystem::remove(files[i], error);
   }
 }
 
 absl::Status McapRotation::Add(const McapMessage& message) {
   absl::Status status;
-  if (writer_ != nullptr && writer_->bytes() >= settings_.file_bytes) status = Close();
+  if (writer_ != nullptr && writer_->bytes() >= settings_.file_bytes && !failed_) status = Close();
   if (writer_ == nullptr) status = Begin(message.logged);
+  if (waiting_ > kMostWaiting && !failed_) status.Update(Flush());
   if (writer_ == nullptr || waiting_ > kMostWaiting) {
     ++lost_;
     return status;
@@ -64,23 +65,27 @@ absl::Status McapRotation::Add(const McapMessage& message) {
 
 absl::Status McapRotation::Flush() {
   if (writer_ == nullptr) return absl::OkStatus();
-  RETURN_IF_ERROR(writer_->Flush());
-  waiting_ = 0;
-  return absl::OkStatus();
+  const absl::Status status = writer_->Flush();
+  failed_ = !status.ok();
+  if (status.ok()) waiting_ = 0;
+  return status;
 }
 
 absl::Status McapRotation::Close() {
   if (writer_ == nullptr) return absl::OkStatus();
-  RETURN_IF_ERROR(writer_->Close());
+  const absl::Status status = writer_->Close();
+  failed_ = !status.ok();
+  RETURN_IF_ERROR(status);
   waiting_ = 0;
   writer_.reset();
   return absl::OkStatus();
 }
 
 absl::Status EventExcerpts::Add(const McapMessage& message) {
+  absl::Status status;
   if (until_ && message.logged > *until_) {
     until_.reset();
-    RETURN_IF_ERROR(files_.Close());
+    status = files_.Close();
   }
   if (until_) return files_.Add(message);
   kept_bytes_ += message.data.size();
@@ -90,7 +95,7 @@ absl::Status EventExcerpts::Add(const McapMessage& message) {
     kept_.pop_front();
     if (kept_.empty()) break;
   }
-  return absl::OkStatus();
+  return status;
 }
 
 absl::Status EventExcerpts::Keep(absl::Time time) {

@@ -22,7 +22,7 @@ struct McapRotationSettings {
   std::string prefix;  // files are PREFIX-20260131T120000.123Z.mcap
   // A file that has as many bytes is the last of these; above 0.
   uint64_t file_bytes = 0;
-  // As many files of this prefix are kept, the one that is written included; above 0.
+  // The number of files of this prefix that are kept, the one that is written included; above 0.
   int files = 0;
 };
 
@@ -64,6 +64,7 @@ class McapRotation {
   std::string path_;
   uint64_t waiting_ = 0;  // bytes added since the last Flush that succeeded
   uint64_t lost_ = 0;
+  bool failed_ = false;  // the last write; only the next Flush() tries again
 };
 
 // Keeps the messages around events: those of `before` in memory, and from an event on for `after`

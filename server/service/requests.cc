@@ -70,6 +70,9 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const Scen
                       "the image has no capture time, and one that was held up is older than its "
                       "arrival says; state server_clock or capture_time");
   }
+  if (message.has_strong_mask() && message.image_case() != v1::ViewImage::kSceneMask) {
+    return InvalidArgument(field, ".strong_mask goes with scene_mask only");
+  }
   switch (message.image_case()) {
     case v1::ViewImage::kSceneMask: {
       ASSIGN_OR_RETURN(Mask mask,
@@ -78,6 +81,9 @@ absl::StatusOr<ViewInput> ViewInputFrom(const v1::ViewImage& message, const Scen
       if (message.has_strong_mask()) {
         ASSIGN_OR_RETURN(shown.strong,
                          MaskFrom(message.strong_mask(), absl::StrCat(field, ".strong_mask")));
+        if (shown.strong->size() != shown.mask.size() || !(*shown.strong - shown.mask).Empty()) {
+          return InvalidArgument(field, ".strong_mask has pixels that scene_mask has not");
+        }
       }
       input.image = std::move(shown);
       return input;

@@ -134,7 +134,6 @@ void SceneWatch::AddImages() {
 }
 
 void SceneWatch::AddPaths() {
-  v1::WatchScenesResponse changed;
   std::map<uint64_t, std::shared_ptr<const WatchedPath::Told>> ended = std::move(told_paths_);
   told_paths_.clear();
   for (const std::shared_ptr<const WatchedPath>& path : serving().watched_paths.All()) {
@@ -143,18 +142,17 @@ void SceneWatch::AddPaths() {
     if (told == nullptr) continue;
     told_paths_.emplace(path->id, told);
     if (!before.empty() && before.mapped() == told) continue;
-    v1::WatchedPath& added = *changed.add_paths();
+    v1::WatchedPath& added = *parts_.emplace_back().add_paths();
     added.set_id(path->id);
     added.set_client(path->client);
     *added.mutable_request() = path->request;
     *added.mutable_answer() = told->response;
   }
   for (const auto& [id, told] : ended) {
-    v1::WatchedPath& gone = *changed.add_paths();
+    v1::WatchedPath& gone = *parts_.emplace_back().add_paths();
     gone.set_id(id);
     gone.set_ended(true);
   }
-  if (changed.paths_size() > 0) parts_.push_back(std::move(changed));
 }
 
 namespace {

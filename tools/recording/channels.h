@@ -2,11 +2,11 @@
 // What a recording has: messages of the API under these topics, and camera images as
 // foxglove.CompressedImage, which Foxglove shows.
 //
-//   /database        silhouette.v1.GetDatabaseResponse   at the beginning of each file
-//   /state           silhouette.v1.ServedState           there, every few seconds, and when it
-//   changes /scene           silhouette.v1.Scene                 with its planes /path
-//   silhouette.v1.WatchedPath           each answer to a client that watches a path /camera/<view>
-//   foxglove.CompressedImage            JPEG
+// * /database: silhouette.v1.GetDatabaseResponse, at the beginning of each file
+// * /state: silhouette.v1.ServedState, there, every few seconds, and when it changes
+// * /scene: silhouette.v1.Scene, with its planes
+// * /path: silhouette.v1.WatchedPath, each answer to a client that watches a path
+// * /camera/<view>: foxglove.CompressedImage, JPEG
 #pragma once
 
 #include <string>

@@ -78,7 +78,11 @@ Findings OfRobot(const Cell& cell, Robot& robot) {
   }
   for (const FixedJoint& joint : cell.fixed_joints) {
     const auto value = position(joint.name);
-    if (value && std::abs(*value - joint.position) > cell.capture.joint_tolerance) {
+    if (!value) {
+      fault(joint.name, absl::StrFormat("the robot's driver does not report it: look whether it "
+                                        "stands at %.4g, as 'fixed' says",
+                                        joint.position));
+    } else if (std::abs(*value - joint.position) > cell.capture.joint_tolerance) {
       fault(joint.name,
             absl::StrFormat("stands at %.4g, not at %.4g as 'fixed' says", *value, joint.position));
     }
@@ -87,7 +91,7 @@ Findings OfRobot(const Cell& cell, Robot& robot) {
   return {{"robot", true, "answers, and stands within the cell's ranges"}};
 }
 
-Finding OfImage(const std::string& view, const CameraImage& image) {
+Finding OfImage(const ViewSettings& view, const CameraImage& image) {
   uint64_t sum = 0, white = 0;
   for (const uint8_t level : image.pixels) {
     sum += level;
@@ -103,7 +107,12 @@ Finding OfImage(const std::string& view, const CameraImage& image) {
   if (share > kMostWhite) {
     absl::StrAppend(&text, ": overexposed; less light, or a shorter exposure");
   }
-  return {"view " + view, level >= kLeastLevel && share <= kMostWhite, text};
+  const bool fits = image.width == view.image_width && image.height == view.image_height;
+  if (!fits) {
+    absl::StrAppendFormat(&text, ": image_size is [%d, %d]; correct it", view.image_width,
+                          view.image_height);
+  }
+  return {"view " + view.name, fits && level >= kLeastLevel && share <= kMostWhite, text};
 }
 
 Findings OfCameras(const Cell& cell, CameraSet& cameras) {
@@ -111,7 +120,8 @@ Findings OfCameras(const Cell& cell, CameraSet& cameras) {
   if (!images.ok()) return {{"cameras", false, std::string(images.status().message())}};
   Findings findings;
   for (size_t v = 0; v < images->size(); ++v) {
-    findings.push_back(OfImage(cameras.views()[v], (*images)[v]));
+    const auto view = std::ranges::find(cell.views, cameras.views()[v], &ViewSettings::name);
+    findings.push_back(OfImage(*view, (*images)[v]));
   }
   const absl::Duration skew = SkewOf(*images);
   const bool close = skew <= cell.server.scene.max_skew;
@@ -125,21 +135,25 @@ Findings OfCameras(const Cell& cell, CameraSet& cameras) {
 }
 
 // The database, and what is still to be captured into it.
-absl::StatusOr<Findings> OfCapture(const CellArguments& arguments, const CellFile& file,
-                                   const Travel& travel) {
+Findings OfCapture(const CellArguments& arguments, const CellFile& file, const Travel& travel) {
   const auto database = OpenDatabase(file, Database::Access::kRead);
   Findings findings;
   if (absl::IsNotFound(database.status())) {
     findings.push_back(
         {"database", true, absl::StrCat("not there yet; next: ", arguments.Command("reference"))});
   } else if (!database.ok()) {
-    return Findings{{"database", false, std::string(database.status().message())}};
+    return {{"database", false, std::string(database.status().message())}};
   } else {
     findings.push_back({"database", true, absl::StrCat(file.database, " is of this cell")});
   }
   if (file.cell.robot.drawn) return findings;
   const Database* stored = database.ok() ? database->get() : nullptr;
-  ASSIGN_OR_RETURN(const auto plan, MakePlan({}, arguments, file.cell, travel, stored));
+  const auto planned = MakePlan({}, arguments, file.cell, travel, stored);
+  if (!planned.ok()) {
+    findings.push_back({"plan", false, std::string(planned.status().message())});
+    return findings;
+  }
+  const CapturePlan& plan = *planned;
   const DiskRoom room = RoomFor(plan, file, stored);
   findings.push_back(
       {"disk", room.Suffices(plan),
@@ -166,8 +180,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   } else {
     add({{"devices", false, std::string(devices.status().message())}});
   }
-  ASSIGN_OR_RETURN(const Findings capture, OfCapture(arguments, file, travel));
-  add(capture);
+  add(OfCapture(arguments, file, travel));
 
   const bool good = std::ranges::all_of(findings, &Finding::good);
   nlohmann::ordered_json json = {{"good", good}, {"findings", nlohmann::ordered_json::array()}};

@@ -122,8 +122,8 @@ std::string RobotText(const InitOptions& options, const RobotModel& robot,
   std::string fixed;
   for (const RobotJoint& joint : robot.joints()) {
     if (std::ranges::any_of(moving, [&](const auto& m) { return m.joint == &joint; })) continue;
-    absl::StrAppend(&fixed, "    ", YamlText(joint.name), ": ",
-                    std::clamp(0.0, joint.lower, joint.upper), "\n");
+    absl::StrAppendFormat(&fixed, "    %s: %.17g\n", YamlText(joint.name),
+                          std::clamp(0.0, joint.lower, joint.upper));
   }
   if (!fixed.empty()) {
     absl::StrAppend(&text,

@@ -5,8 +5,10 @@
 #include <iostream>
 #include <map>
 #include <memory>
+#include <set>
 #include <thread>
 
+#include "absl/memory/memory.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
@@ -23,7 +25,7 @@ namespace {
 
 // Between looks at Ctrl-C.
 constexpr absl::Duration kLookWhileReplaying = absl::Milliseconds(50);
-// Whoever publishes scenes to a server in use does so within this time.
+// How long the server is watched for scenes of others.
 constexpr absl::Duration kQuiet = absl::Milliseconds(1200);
 
 struct ReplayArguments {
@@ -41,10 +43,9 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
   if (absl::ParseTime(absl::RFC3339_full, arguments.at, &time, &error)) return time;
   absl::Duration after;
   if (!absl::ParseDuration(arguments.at, &after)) {
-    return InvalidArgument(
-        "--at ", arguments.at,
-        ": say a time as 2026-01-31T12:00:00Z, or one after the beginning of the "
-        "file as 12.5s");
+    return InvalidArgument("--at ", arguments.at,
+                           ": give a time, 2026-01-31T12:00:00Z, or one after the beginning of the "
+                           "file, 12.5s");
   }
   ASSIGN_OR_RETURN(const RecordingSummary summary, SummaryOf(arguments.file));
   return summary.start + after;
@@ -53,30 +54,82 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
 absl::Status InUse(const Client& client) {
   return FailedPrecondition(
       "the server at ", client.address(),
-      " gets scenes from elsewhere, and its answers would be about recorded ones; replay to a "
+      " is in use: it gets scenes from elsewhere, or regions are allowed there. Replay to a "
       "server of its own: silhouette-server --database ... --listen 127.0.0.1:0");
 }
 
-// Refuses a server that somebody else publishes scenes to: it would answer about recorded ones.
-absl::Status RequireQuiet(const Client& client) {
-  uint64_t last = 0;
-  for (int look = 0; look < 2; ++look) {
-    if (look > 0) std::this_thread::sleep_for(absl::ToChronoMilliseconds(kQuiet));
-    const absl::StatusOr<v1::Scene> scene = client.GetScene();
-    if (!scene.ok() && !absl::IsNotFound(scene.status())) return scene.status();
-    const uint64_t id = scene.ok() ? scene->id() : 0;
-    if (look > 0 && id != last) return InUse(client);
-    last = id;
+// The server that a recording is replayed to. Ends the regions that it allowed, however it goes.
+class ReplayServer {
+ public:
+  // FailedPrecondition: it takes images itself, somebody publishes scenes to it at least once a
+  // second, or regions are allowed there.
+  static absl::StatusOr<std::unique_ptr<ReplayServer>> Connect(const Session& session,
+                                                               const std::string& address) {
+    ASSIGN_OR_RETURN(const Client client,
+                     Client::Connect(address, absl::Seconds(session.timeout), session.tls));
+    if (client.GetAcquisition().ok()) return InUse(client);
+    ASSIGN_OR_RETURN(const auto allowed, client.ListAllowedRegions());
+    if (allowed.regions_size() > 0) return InUse(client);
+    ASSIGN_OR_RETURN(const uint64_t before, NewestScene(client));
+    std::this_thread::sleep_for(absl::ToChronoMilliseconds(kQuiet));
+    ASSIGN_OR_RETURN(const uint64_t last, NewestScene(client));
+    if (last != before) return InUse(client);
+    return absl::WrapUnique(new ReplayServer(client, last));
   }
-  return absl::OkStatus();
-}
+  ~ReplayServer() {
+    for (const std::string& name : allowed_) client_.RevokeRegion(name).IgnoreError();
+  }
+  ReplayServer(const ReplayServer&) = delete;
+  ReplayServer& operator=(const ReplayServer&) = delete;
 
-absl::StatusOr<Client> ConnectTo(const Session& session, const std::string& address) {
-  ASSIGN_OR_RETURN(const Client client,
-                   Client::Connect(address, absl::Seconds(session.timeout), session.tls));
-  RETURN_IF_ERROR(RequireQuiet(client));
-  return client;
-}
+  const Client& client() const { return client_; }
+  // The newest scene that was published here.
+  uint64_t scene() const { return last_; }
+
+  // Publishes a scene, and allows these regions with it. FailedPrecondition: somebody else
+  // published, too.
+  absl::Status Publish(const v1::Scene& scene, const v1::ServedState& state) {
+    const auto now = std::chrono::steady_clock::now();
+    ASSIGN_OR_RETURN(const v1::Scene made, client_.PublishScene(RequestOf(scene), now));
+    if (made.id() != last_ + 1) return InUse(client_);
+    last_ = made.id();
+    return Allow(state);
+  }
+
+ private:
+  ReplayServer(Client client, uint64_t last) : client_(std::move(client)), last_(last) {}
+
+  // 0: none.
+  static absl::StatusOr<uint64_t> NewestScene(const Client& client) {
+    const absl::StatusOr<v1::Scene> scene = client.GetScene();
+    if (absl::IsNotFound(scene.status())) return 0;
+    RETURN_IF_ERROR(scene.status());
+    return scene->id();
+  }
+
+  // Ends all others.
+  absl::Status Allow(const v1::ServedState& state) {
+    std::set<std::string> old = allowed_;
+    for (const v1::AllowedRegion& region : state.regions()) {
+      old.erase(region.name());
+      if (!allowed_.insert(region.name()).second) continue;
+      v1::AllowRegionRequest request;
+      request.set_name(region.name());
+      *request.mutable_views() = region.views();
+      *request.mutable_duration() = client::ToMessage(absl::Minutes(10));
+      RETURN_IF_ERROR(client_.AllowRegion(request).status());
+    }
+    for (const std::string& name : old) {
+      RETURN_IF_ERROR(client_.RevokeRegion(name).status());
+      allowed_.erase(name);
+    }
+    return absl::OkStatus();
+  }
+
+  const Client client_;
+  uint64_t last_;
+  std::set<std::string> allowed_;
+};
 
 // Of another generation, answers are of its robot images, not of those of the recording.
 absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseResponse& recorded) {
@@ -94,25 +147,6 @@ absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseRespons
   return absl::OkStatus();
 }
 
-// Puts these regions into force, and ends those of `before` that are not among them.
-absl::Status AllowRegions(const Client& client, const v1::ServedState& state,
-                          const v1::ServedState& before) {
-  for (const v1::AllowedRegion& region : state.regions()) {
-    v1::AllowRegionRequest request;
-    request.set_name(region.name());
-    *request.mutable_views() = region.views();
-    *request.mutable_duration() = client::ToMessage(absl::Minutes(10));
-    RETURN_IF_ERROR(client.AllowRegion(request).status());
-  }
-  for (const v1::AllowedRegion& old : before.regions()) {
-    if (std::ranges::find(state.regions(), old.name(), &v1::AllowedRegion::name) ==
-        state.regions().end()) {
-      RETURN_IF_ERROR(client.RevokeRegion(old.name()).status());
-    }
-  }
-  return absl::OkStatus();
-}
-
 // Waits; false if the user has had enough.
 bool WaitUntil(absl::Time time) {
   while (!StopRequested() && absl::Now() < time) {
@@ -123,21 +157,21 @@ bool WaitUntil(absl::Time time) {
 }
 
 absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arguments) {
-  ASSIGN_OR_RETURN(const Client client, ConnectTo(session, arguments.to));
+  ASSIGN_OR_RETURN(const auto server, ReplayServer::Connect(session, arguments.to));
   ASSIGN_OR_RETURN(Recording recording, Recording::Open(arguments.file));
   CatchStopSignals();
   v1::ServedState state;
   bool compared = false;
   std::optional<absl::Time> first;
   absl::Time began;
-  uint64_t last_id = 0;
   uint64_t published = 0;
   uint64_t with_defects = 0;
   while (true) {
     ASSIGN_OR_RETURN(const std::optional<Recorded> recorded, recording.Next());
     if (!recorded) break;
     if (const auto* database = std::get_if<v1::GetDatabaseResponse>(&recorded->message)) {
-      if (!std::exchange(compared, true)) RETURN_IF_ERROR(CompareDatabases(client, *database));
+      if (!std::exchange(compared, true))
+        RETURN_IF_ERROR(CompareDatabases(server->client(), *database));
       continue;
     }
     if (!first) {
@@ -146,18 +180,13 @@ absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arg
     }
     if (!WaitUntil(began + (recorded->time - *first) / arguments.speed)) break;
     if (const auto* news = std::get_if<v1::ServedState>(&recorded->message)) {
-      RETURN_IF_ERROR(AllowRegions(client, *news, state));
       state = *news;
     } else if (const auto* scene = std::get_if<v1::Scene>(&recorded->message)) {
-      const auto now = std::chrono::steady_clock::now();
-      ASSIGN_OR_RETURN(const v1::Scene made, client.PublishScene(RequestOf(*scene), now));
-      if (last_id != 0 && made.id() != last_id + 1) return InUse(client);
-      last_id = made.id();
+      RETURN_IF_ERROR(server->Publish(*scene, state));
       ++published;
       if (!scene->defects().empty()) ++with_defects;
     }
   }
-  RETURN_IF_ERROR(AllowRegions(client, {}, state));
   PrintResult(session.format, Json({{"scenes", published}, {"with_defects", with_defects}}),
               absl::StrCat(published, " scenes published",
                            with_defects == 0 ? ""
@@ -216,8 +245,8 @@ std::string SaidThen(const v1::WatchedPath& path) {
   }
 }
 
-// Checks each question as the moment was; `unknown`: why nothing was known.
-absl::StatusOr<bool> Answer(const Session& session, const std::optional<Client>& client,
+// Checks each question as the moment was; without a server `unknown` is why nothing was known.
+absl::StatusOr<bool> Answer(const Session& session, const ReplayServer* server,
                             const std::vector<Question>& questions, const std::string& unknown,
                             Json& json, std::string& text) {
   bool all_free = true;
@@ -229,13 +258,16 @@ absl::StatusOr<bool> Answer(const Session& session, const std::optional<Client>&
       absl::StrAppend(&text, "path of ", question.watched->client(), ", then ",
                       SaidThen(*question.watched), "; ");
     }
-    if (!client) {
+    if (server == nullptr) {
       all_free = false;
       answer.update({{"state", "unknown"}, {"message", unknown}});
       absl::StrAppend(&text, "unknown: ", unknown, "\n");
     } else {
       ASSIGN_OR_RETURN(const client::PathCheck check,
-                       client->CheckPath(question.waypoints, session.policy, session.clearance));
+                       server->client()
+                           .WithVariant(session.variant)
+                           .CheckPath(question.waypoints, session.policy, session.clearance));
+      if (check.basis.scene_id != server->scene()) return InUse(server->client());
       all_free = all_free && check.verdict.free();
       answer.update(JsonOf(check, session.clearance));
       absl::StrAppend(&text, Spoken(check), "\n");
@@ -262,20 +294,16 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
   std::string text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Spoken(time),
                                      moment.scene->id(), absl::ToDoubleMilliseconds(age));
   const std::string unknown = UnknownThen(moment);
-  std::optional<Client> client;
+  std::unique_ptr<ReplayServer> server;
   if (unknown.empty()) {
-    ASSIGN_OR_RETURN(const Client connected, ConnectTo(session, arguments.to));
-    RETURN_IF_ERROR(CompareDatabases(connected, moment.database));
-    RETURN_IF_ERROR(AllowRegions(connected, moment.state, {}));
-    const auto now = std::chrono::steady_clock::now();
-    RETURN_IF_ERROR(connected.PublishScene(RequestOf(*moment.scene), now).status());
-    client = connected.WithVariant(session.variant);
+    ASSIGN_OR_RETURN(server, ReplayServer::Connect(session, arguments.to));
+    RETURN_IF_ERROR(CompareDatabases(server->client(), moment.database));
+    RETURN_IF_ERROR(server->Publish(*moment.scene, moment.state));
   }
-  const absl::StatusOr<bool> all_free = Answer(session, client, questions, unknown, json, text);
-  if (client) RETURN_IF_ERROR(AllowRegions(*client, {}, moment.state));
-  RETURN_IF_ERROR(all_free.status());
+  ASSIGN_OR_RETURN(const bool all_free,
+                   Answer(session, server.get(), questions, unknown, json, text));
   PrintResult(session.format, json, text);
-  return *all_free ? kDone : kNo;
+  return all_free ? kDone : kNo;
 }
 
 absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments& arguments) {
@@ -308,7 +336,7 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
 absl::StatusOr<ExitCode> Replay(const Session& session, const ReplayArguments& arguments) {
   if (!arguments.at.empty()) return AskAt(session, arguments);
   if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
-    return InvalidArgument("say with --at of which moment the path is to be checked");
+    return InvalidArgument("give the moment at which the path is to be checked, with --at");
   }
   return arguments.to.empty() ? Summarize(session, arguments) : Feed(session, arguments);
 }
@@ -324,11 +352,11 @@ void AddReplayCommand(CLI::App& program, Session& session) {
   command->add_option("--to", arguments->to,
                       "Publish the scenes to the server at this address: one that serves the "
                       "recording's\ndatabase and that nobody relies on");
-  command->add_option("--speed", arguments->speed, "Replay so many times as fast")
+  command->add_option("--speed", arguments->speed, "Playback speed factor")
       ->check(PositiveNumber())
       ->capture_default_str();
   command->add_option("--at", arguments->at,
-                      "Only the scene of this moment: a time, or one after the file's beginning as "
+                      "Only the scene of this moment: a time, or one after the file's beginning, "
                       "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
                       "--preset");
   AddPathArguments(*command, session, arguments->path);

@@ -54,19 +54,20 @@ void DropInner(std::vector<Vector2d>& points) {
     }
   }
   Vector2d normals[kCorners];  // inwards
-  double offsets[kCorners];
+  Vector2d from[kCorners];  // a corner on each side: exactly 0 from it, also with fused arithmetic
   size_t sides = 0;
   for (size_t i = 0; i < kCorners; ++i) {
     const Vector2d along = corners[(i + 1) % kCorners] - corners[i];
     if (along.x() == 0 && along.y() == 0) continue;
     normals[sides] = {-along.y(), along.x()};
-    offsets[sides] = normals[sides].dot(corners[i]);
+    from[sides] = corners[i];
     ++sides;
   }
+  if (sides == 0) return;  // all points are one
   std::erase_if(points, [&](const Vector2d& p) {
     bool inside = true;
     for (size_t i = 0; i < sides; ++i) {
-      inside &= normals[i].x() * p.x() + normals[i].y() * p.y() > offsets[i];
+      inside &= normals[i].x() * (p.x() - from[i].x()) + normals[i].y() * (p.y() - from[i].y()) > 0;
     }
     return inside;
   });

@@ -24,8 +24,9 @@ std::string Read(const fs::path& path) {
 TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
   const fs::path folder = silhouette::TestFolder() / "demo";
   const std::string log = folder.string() + ".log";
-  const std::string command = SourceFolder() + "/tools/demo --quick" + " --programs " +
-                              ProgramFolder() + " --out " + folder.string() + " >" + log + " 2>&1";
+  const std::string command = silhouette::SourceFolder() + "/tools/demo --quick" + " --programs " +
+                              silhouette::ProgramFolder() + " --out " + folder.string() + " >" +
+                              log + " 2>&1";
   ASSERT_EQ(std::system(command.c_str()), 0) << Read(log);
 
   const nlohmann::json summary = nlohmann::json::parse(Read(folder / "summary.json"));
@@ -55,8 +56,9 @@ TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
 TEST(Demo, PlansForSixAxesWithoutContactByAModelThatCapturedImagesVerified) {
   const fs::path folder = silhouette::TestFolder() / "six-axes";
   const std::string log = folder.string() + ".log";
-  const std::string command = SourceFolder() + "/tools/demo --six-axes" + " --programs " +
-                              ProgramFolder() + " --out " + folder.string() + " >" + log + " 2>&1";
+  const std::string command = silhouette::SourceFolder() + "/tools/demo --six-axes" +
+                              " --programs " + silhouette::ProgramFolder() + " --out " +
+                              folder.string() + " >" + log + " 2>&1";
   ASSERT_EQ(std::system(command.c_str()), 0) << Read(log);
   const nlohmann::json summary = nlohmann::json::parse(Read(folder / "summary.json"));
   EXPECT_TRUE(summary.at("path_collision_free_in_truth").get<bool>());

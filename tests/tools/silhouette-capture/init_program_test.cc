@@ -100,13 +100,14 @@ TEST_F(NewCell, CheckNamesImagesThatAreTooDark) {
 }
 
 TEST_F(NewCell, CheckNamesADriverThatDoesNotAnswer) {
-  ASSERT_EQ(Init({"--joint", "joint_1", "--driver", "{grpc: \"127.0.0.1:1\"}", "--view",
-                  "top={folder: images}"})
+  ASSERT_EQ(Init({"--joint", "joint_1", "--driver", "{grpc: {address: \"127.0.0.1:1\"}}", "--view",
+                  "top={grpc: \"127.0.0.1:1\"}"})
                 .exit_code,
             0);
   const Outcome checked = cell_.Run(cell_.Arguments("check"));
   EXPECT_EQ(checked.exit_code, 1) << checked.out << checked.err;
-  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  devices"), HasSubstr("127.0.0.1:1")));
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  devices"),
+                                 HasSubstr("driver answers at 127.0.0.1:1; start it")));
 }
 
 }  // namespace
