@@ -87,7 +87,7 @@ int ViewsShowing(const DrawnChecker& checker, const std::vector<double>& q, Grow
 TEST(DrawnChecker, AnswersAsMasksDrawnWholeDoThoughTheCameraIsCloseToTheRobot) {
   Random random;
   int close[5] = {};
-  for (int trial = 0; trial < SampleCount(40); ++trial) {
+  for (int trial = 0; trial < 40; ++trial) {
     const RobotModel model = Rx130();
     const std::vector<double> near = RandomPositions(random, model);
     const std::vector<Eigen::Isometry3d> poses = model.LinkPoses(near);
@@ -115,7 +115,7 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDoThoughTheCameraIsCloseToTheRobot) {
       ++close[expected];
     }
   }
-  for (const int count : close) EXPECT_GT(count, SampleCount(10));
+  for (const int count : close) EXPECT_GT(count, 10);
 }
 
 TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
