@@ -57,7 +57,7 @@ SceneWatch::SceneWatch(Serving& serving, grpc::CallbackServerContext* context, C
   if (include_images_) serving.settings.live->KeepImages();
 }
 
-uint64_t SceneWatch::Beside() const { return serving().watched_paths.answers(); }
+uint64_t SceneWatch::Beside() const { return serving().watched_paths.changes(); }
 
 absl::StatusOr<bool> SceneWatch::Prepare() {
   const Moment now = serving().settings.clock();

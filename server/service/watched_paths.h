@@ -18,8 +18,16 @@ namespace silhouette {
 // One watched path. Thread-safe.
 class WatchedPath {
  public:
-  WatchedPath(uint64_t its_id, std::string of_client, v1::CheckPathRequest of_request)
-      : id(its_id), client(std::move(of_client)), request(std::move(of_request)) {}
+  // `changes`: counts its end.
+  WatchedPath(uint64_t its_id, std::string of_client, v1::CheckPathRequest of_request,
+              std::shared_ptr<std::atomic<uint64_t>> changes)
+      : id(its_id),
+        client(std::move(of_client)),
+        request(std::move(of_request)),
+        changes_(std::move(changes)) {}
+  ~WatchedPath() { changes_->fetch_add(1); }
+  WatchedPath(const WatchedPath&) = delete;
+  WatchedPath& operator=(const WatchedPath&) = delete;
 
   struct Told {
     v1::WatchPathResponse response;
@@ -41,6 +49,7 @@ class WatchedPath {
   const v1::CheckPathRequest request;
 
  private:
+  const std::shared_ptr<std::atomic<uint64_t>> changes_;
   mutable std::mutex mutex_;
   std::shared_ptr<const Told> told_;
 };
@@ -52,14 +61,16 @@ class WatchedPaths {
   std::shared_ptr<WatchedPath> Add(std::string client, v1::CheckPathRequest request) {
     const std::lock_guard lock(mutex_);
     std::erase_if(paths_, [](const std::weak_ptr<WatchedPath>& old) { return old.expired(); });
-    auto path = std::make_shared<WatchedPath>(++last_id_, std::move(client), std::move(request));
+    auto path =
+        std::make_shared<WatchedPath>(++last_id_, std::move(client), std::move(request), changes_);
     paths_.push_back(path);
     return path;
   }
 
-  // Whoever noted an answer says so: counted for those who look at all paths.
-  void CountAnswer() { answers_.fetch_add(1); }
-  uint64_t answers() const { return answers_.load(); }
+  // After an answer was noted.
+  void CountAnswer() { changes_->fetch_add(1); }
+  // How many answers and ends there were, for those who look at all paths.
+  uint64_t changes() const { return changes_->load(); }
 
   // In the order in which they were added.
   std::vector<std::shared_ptr<const WatchedPath>> All() const {
@@ -75,7 +86,9 @@ class WatchedPaths {
   mutable std::mutex mutex_;
   std::vector<std::weak_ptr<WatchedPath>> paths_;
   uint64_t last_id_ = 0;
-  std::atomic<uint64_t> answers_ = 0;
+  // Shared with the paths, of which some may outlive this.
+  const std::shared_ptr<std::atomic<uint64_t>> changes_ =
+      std::make_shared<std::atomic<uint64_t>>(0);
 };
 
 }  // namespace silhouette
