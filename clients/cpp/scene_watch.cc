@@ -19,7 +19,7 @@ namespace silhouette::client {
 namespace {
 
 constexpr absl::Duration kSceneWatchVeryLong = absl::Hours(24 * 3650);
-// So many wait here; then the server keeps what follows, as long as it can.
+// Most messages that wait to be taken; the server keeps what follows, up to its own limit.
 constexpr size_t kMostWaitingNews = 64;
 
 }  // namespace

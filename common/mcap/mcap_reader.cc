@@ -17,7 +17,7 @@ using mcap::Fields;
 using mcap::Op;
 using mcap::Record;
 
-// More is no record of any recorder: a length that says so is damaged.
+// A greater length is damaged.
 constexpr uint64_t kMostChunkBytes = uint64_t{1} << 30;
 
 absl::Time TimeOf(uint64_t nanoseconds) {

@@ -20,7 +20,7 @@ namespace silhouette {
 struct McapRotationSettings {
   std::string folder;
   std::string prefix;  // files are PREFIX-20260131T120000.123Z.mcap
-  // A file that has as many bytes is the last of these; above 0.
+  // A file of this many bytes is ended, and the next one begins; above 0.
   uint64_t file_bytes = 0;
   // The number of files of this prefix that are kept, the one that is written included; above 0.
   int files = 0;

@@ -351,7 +351,7 @@ void AddReplayCommand(CLI::App& program, Session& session) {
       ->required();
   command->add_option("--to", arguments->to,
                       "Publish the scenes to the server at this address: one that serves the "
-                      "recording's\ndatabase and that nobody relies on");
+                      "recording's\ndatabase and that no planner uses");
   command->add_option("--speed", arguments->speed, "Playback speed factor")
       ->check(PositiveNumber())
       ->capture_default_str();
