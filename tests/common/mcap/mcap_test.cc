@@ -226,6 +226,32 @@ TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
   }
 }
 
+TEST_F(McapTest, EventAfterMuchThatWaitedIsKept) {
+  EventExcerpts excerpts(McapRotation({folder_, "stop", uint64_t{1} << 30, 10}, kChannels,
+                                      [] { return std::vector<McapMessage>(); }),
+                         absl::Seconds(30), absl::Seconds(30));
+  const std::string large(1 << 20, 'x');
+  for (int i = 0; i < 80; ++i) ASSERT_TRUE(excerpts.Add(At(0.1 * i, large)).ok());
+  ASSERT_TRUE(excerpts.Add(At(8, "the stop")).ok());
+  ASSERT_TRUE(excerpts.Keep(At(8, "").logged).ok());
+  ASSERT_TRUE(excerpts.Close().ok());
+  EXPECT_EQ(excerpts.files().lost(), 0u);
+  const std::vector<std::string> kept = ReadFile(excerpts.files().path()).data;
+  ASSERT_THAT(kept, SizeIs(81));
+  EXPECT_EQ(kept.back(), "the stop");
+}
+
+TEST_F(McapTest, FileThatIsWrittenMakesNoRoomThoughOthersHaveLaterNames) {
+  for (const char* later : {"20990101T000000.000Z", "20990101T000001.000Z"}) {
+    std::ofstream(folder_ / (std::string("scenes-") + later + ".mcap"));
+  }
+  McapRotation files({folder_, "scenes", 1 << 20, 2}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  ASSERT_TRUE(files.Add(At(0, "a")).ok());
+  ASSERT_TRUE(files.Close().ok());
+  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("a"));
+}
+
 TEST_F(McapTest, TheTimeAroundEventsIsKeptAndNoOther) {
   EventExcerpts excerpts(McapRotation({folder_, "stop", 1 << 20, 10}, kChannels,
                                       [] { return std::vector<McapMessage>(); }),
