@@ -109,6 +109,18 @@ TEST(PartDrawer, NoPixelOfTheGrownBodyIsMissing) {
   EXPECT_GT(drawn, 4000u);
 }
 
+TEST(PartDrawer, BodyWhosePointsAreAllOneIsDrawn) {
+  Random random;
+  const PartDrawer drawer(RandomCamera(random, Isometry3d::Identity()), MaskSize{64, 64});
+  const Isometry3d pose(Eigen::Translation3d(0, 0, 2));
+  const auto pixel = PixelOf(drawer.camera(), {0, 0, 2});
+  ASSERT_TRUE(pixel.has_value());
+  for (const double growth : {0.0, 1e-4, 0.1}) {
+    EXPECT_TRUE(Touched(drawer, pose, Matrix3Xd::Zero(3, 9), growth).at(pixel->x(), pixel->y()))
+        << growth;
+  }
+}
+
 TEST(PartDrawer, CameraThatIsOffByUpToTheMarginShowsNoOtherPixel) {
   Random random;
   size_t seen = 0;
