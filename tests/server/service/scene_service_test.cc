@@ -135,6 +135,17 @@ TEST_F(SceneServiceTest, RefusesWhatSaysNothingOfTheCellNamingTheField) {
   EXPECT_THAT(Refusal(), HasSubstr("views: "));
 }
 
+TEST_F(SceneServiceTest, RefusesStrongPixelsThatItsMaskLacks) {
+  const Mask one = Mask::FromPredicate({16, 12}, [](int x, int y) { return x == 3 && y == 4; });
+  Set(Mask({16, 12}), request.mutable_views(1)->mutable_scene_mask());
+  Set(one, request.mutable_views(1)->mutable_strong_mask());
+  EXPECT_THAT(Refusal(), HasSubstr("strong_mask has pixels that scene_mask has not"));
+  Set(Mask({12, 16}), request.mutable_views(1)->mutable_strong_mask());
+  EXPECT_THAT(Refusal(), HasSubstr("strong_mask"));
+  Set(one, request.mutable_views(1)->mutable_obstacle_mask());
+  EXPECT_THAT(Refusal(), HasSubstr("strong_mask goes with scene_mask only"));
+}
+
 TEST_F(SceneServiceTest, RefusesTimesThatAreNoneOrInTheFuture) {
   auto& time = *request.mutable_views(2)->mutable_capture_time();
   Set(server.clock.now() + absl::Milliseconds(200), &time);
