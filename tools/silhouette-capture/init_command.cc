@@ -215,7 +215,8 @@ absl::StatusOr<ExitCode> Init(const InitOptions& options) {
     fs::remove(options.out);
     return cell.status();
   }
-  std::cout << "wrote " << options.out << ": " << moving.size() << " joints, "
+  std::cout << "wrote " << options.out << ": " << moving.size()
+            << (moving.size() == 1 ? " joint, " : " joints, ")
             << (drawn ? std::string("drawn robot images")
                       : absl::StrCat(cell->grid.size(), " configurations to capture"))
             << ", views "

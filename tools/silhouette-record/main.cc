@@ -219,7 +219,8 @@ int Main(int argc, char** argv) {
   CLI::App app("Records scenes, watched paths and stops of silhouette-server into MCAP files.",
                kProgram);
   Arguments arguments;
-  app.add_option("server", arguments.server, "Address of silhouette-server: host:port, unix:path")
+  app.add_option("server,--server", arguments.server,
+                 "Address of silhouette-server: host:port, unix:path")
       ->envname("SILHOUETTE_SERVER")
       ->capture_default_str();
   app.add_option("--folder", arguments.recorder.folder, "Where the files go")->required();

@@ -278,7 +278,9 @@ TEST_F(RecordProgram, OpensWithTheFormatsOwnLibrary) {
   EXPECT_EQ(scene["joints"][1]["name"], "y");
   EXPECT_EQ(scene["views"][0]["scene"]["width"], 16);
   EXPECT_EQ(scene["views"][0]["obstacle_pixels"], kWall.Count());
-  EXPECT_EQ(read["paths"], Json({"STATE_FREE", "STATE_OCCUPIED", "STATE_FREE"}));
+  Json paths = read["paths"];
+  if (paths.back() == "ended") paths.erase(paths.size() - 1);  // unless the recorder ended first
+  EXPECT_EQ(paths, Json({"STATE_FREE", "STATE_OCCUPIED", "STATE_FREE"}));
   int count = 0;
   for (const auto& [topic, messages] : read["topics"].items()) count += messages.get<int>();
   EXPECT_EQ(read["count"], count);
