@@ -173,6 +173,7 @@ const std::string& Server::metrics_address() const {
 
 Server::~Server() {
   if (server_ != nullptr) Stop(absl::ZeroDuration());
+  serving_.FinishTasks();
 }
 
 void Server::ReplaceDatabase(std::shared_ptr<const ServedDatabase> database) {

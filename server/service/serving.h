@@ -111,6 +111,11 @@ struct Serving {
     if (settings.audit != nullptr) settings.audit->NoteFirst(EntryOf(who, what, detail));
   }
 
+  // The services may end then: no task uses them any longer.
+  void FinishTasks() {
+    for (WorkerPool* pool : {&watch_workers, &workers, &scene_workers}) pool->Finish();
+  }
+
   const ServingSettings settings;
   SceneStore scenes;
   ScenePublisher publisher;

@@ -14,13 +14,14 @@ WorkerPool::WorkerPool(WorkerPoolSettings settings) : settings_(std::move(settin
   for (int i = 0; i < settings_.threads; ++i) threads_.emplace_back([this] { Work(); });
 }
 
-WorkerPool::~WorkerPool() {
+void WorkerPool::Finish() {
   {
     const std::lock_guard lock(mutex_);
     closing_ = true;
   }
   changed_.notify_all();
   for (std::thread& thread : threads_) thread.join();
+  threads_.clear();
 }
 
 bool WorkerPool::Run(const std::string& client, size_t bytes, std::function<void()> task) {
@@ -28,7 +29,7 @@ bool WorkerPool::Run(const std::string& client, size_t bytes, std::function<void
     const std::lock_guard lock(mutex_);
     const auto of_client = tasks_.find(client);
     const size_t waiting = of_client == tasks_.end() ? 0 : of_client->second.size();
-    if (waiting_ >= settings_.queue || waiting >= settings_.queue_per_client ||
+    if (closing_ || waiting_ >= settings_.queue || waiting >= settings_.queue_per_client ||
         waiting_bytes_ + bytes > settings_.queued_bytes) {
       return false;
     }

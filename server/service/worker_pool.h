@@ -32,14 +32,17 @@ struct WorkerPoolSettings {
 class WorkerPool {
  public:
   explicit WorkerPool(WorkerPoolSettings settings);
-  // Finishes all tasks, the waiting ones too.
-  ~WorkerPool();
+  ~WorkerPool() { Finish(); }
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
   // Runs the task some time later; false, and it will not run, if a limit of the queue is reached.
   // `bytes`: of its request. The task must not throw. May be called from any thread.
   bool Run(const std::string& client, size_t bytes, std::function<void()> task);
+
+  // Returns when all tasks have ended, the waiting ones too. From then on none is taken. For the
+  // owner alone.
+  void Finish();
 
  private:
   struct Task {

@@ -75,6 +75,16 @@ TEST(WorkerPool, BoundsTheTasksOfAClientAndTheBytesOfAll) {
   release.count_down();
 }
 
+TEST(WorkerPool, FinishRunsWhatWaitsAndTakesNoMore) {
+  int done = 0;
+  WorkerPool pool({.name = "test"});
+  for (int i = 0; i < 20; ++i) EXPECT_TRUE(pool.Run("client", 0, [&done] { ++done; }));
+  pool.Finish();
+  EXPECT_EQ(done, 20);
+  EXPECT_FALSE(pool.Run("client", 0, [&done] { ++done; }));
+  EXPECT_EQ(done, 20);
+}
+
 TEST(WorkerPool, TakesTasksFromManyThreads) {
   std::atomic<int> done = 0;
   {
