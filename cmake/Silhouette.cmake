@@ -153,6 +153,8 @@ function(silhouette_program)
   install(TARGETS ${program} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${component})
   install(FILES ${PROJECT_SOURCE_DIR}/cmake/package/completion.bash RENAME ${program}
     DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT ${component})
+  install(FILES ${PROJECT_SOURCE_DIR}/cmake/package/completion.zsh RENAME _${program}
+    DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions COMPONENT ${component})
 endfunction()
 
 # silhouette_tests([LIBRARIES targets] [THREADS a_test.cc ...] [SOURCES more.cc ...] [LABELS label]

@@ -1,18 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-# What users of the client library get, as the component `client`:
-#   cmake --install build/release --component client --prefix DIR
+# What users of the client library get:
+#   cmake --install build/release --component client --prefix DIR     headers, libsilhouette.a, the link libsilhouette.so
+#   cmake --install build/release --component library --prefix DIR    libsilhouette.so.VERSION
 # Then find_package(silhouette), or pkg-config, gives silhouette::client and what it needs.
 #
 # All headers are included as <silhouette/...>: db/mask/mask.h and db/mask/configuration_grid.h stand in the
 # place of the headers that forward to them in the source tree.
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/silhouette)
 
+# Both have the client and all of ours that it needs, under the name silhouette::client: silhouetteConfig.cmake
+# takes one of them.
+set(objects)
 foreach(target IN ITEMS db_mask calib_camera calib_robot_drawing proto proto_tls clients_cpp)
-  install(TARGETS silhouette_${target} EXPORT silhouette
-    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client
-    INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  list(APPEND objects $<TARGET_OBJECTS:silhouette_${target}>)
 endforeach()
-set_target_properties(silhouette_clients_cpp PROPERTIES EXPORT_NAME client)
+add_library(silhouette_static STATIC ${objects})
+add_library(silhouette_shared SHARED ${objects})
+foreach(kind IN ITEMS static shared)
+  target_link_libraries(silhouette_${kind} PUBLIC
+    gRPC::grpc++ protobuf::libprotobuf Eigen3::Eigen absl::status absl::statusor absl::strings absl::time
+    Threads::Threads)
+  set_target_properties(silhouette_${kind} PROPERTIES LINKER_LANGUAGE CXX OUTPUT_NAME silhouette EXPORT_NAME client
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+  install(TARGETS silhouette_${kind} EXPORT silhouette_${kind}
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT client
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library NAMELINK_COMPONENT client
+    INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+  install(EXPORT silhouette_${kind} NAMESPACE silhouette:: FILE silhouetteTargets-${kind}.cmake
+    DESTINATION ${package_dir} COMPONENT client)
+endforeach()
 
 install(DIRECTORY silhouette/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/silhouette COMPONENT client
   FILES_MATCHING PATTERN "*.h"
@@ -36,6 +52,4 @@ write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/silhouetteConfigVer
   COMPATIBILITY SameMinorVersion)
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/silhouetteConfig.cmake
   ${CMAKE_CURRENT_BINARY_DIR}/silhouetteConfigVersion.cmake
-  DESTINATION ${package_dir} COMPONENT client)
-install(EXPORT silhouette NAMESPACE silhouette:: FILE silhouetteTargets.cmake
   DESTINATION ${package_dir} COMPONENT client)

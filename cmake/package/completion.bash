@@ -1,4 +1,4 @@
-# bash completion of Silhouette's programs, from what their --help says; zsh takes it through bashcompinit.
+# bash completion of Silhouette's programs, from what their --help says.
 _silhouette() {
   local word=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}
   local -a command=("${COMP_WORDS[0]}")

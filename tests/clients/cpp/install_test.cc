@@ -16,18 +16,15 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-const std::string kInstall =
-    SILHOUETTE_CMAKE " --install " + BuildFolder() + " --component client --prefix prefix";
-const std::string kConfigure =
-    SILHOUETTE_CMAKE " -G Ninja -S " + SourceFolder() +
-    "/clients/cpp/example -B build -DCMAKE_BUILD_TYPE=Debug "
-    "-DCMAKE_PREFIX_PATH=$PWD/prefix -DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
-    " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "'";
-const std::string kBuild = SILHOUETTE_CMAKE " --build build";
+const std::string kInstall = SILHOUETTE_CMAKE " --install " + BuildFolder() +
+                             " --component client --prefix prefix && " SILHOUETTE_CMAKE
+                             " --install " +
+                             BuildFolder() + " --component library --prefix prefix";
 
-TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {
+// Builds the example by `build`, which makes it from the library in ./prefix, and asks a server.
+void ExpectAnswers(const std::string& build, const std::string& program) {
   const Shell shell;
-  for (const std::string& command : {kInstall, kConfigure, kBuild}) {
+  for (const std::string& command : {kInstall, build}) {
     const Ended ended = shell.Run(command);
     ASSERT_EQ(ended.exit_code, 0) << ended.out << ended.err;
   }
@@ -40,17 +37,45 @@ TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {
                                             : v1::Verdict::STATE_OCCUPIED);
     return grpc::Status::OK;
   };
-  const std::string program = "build/may_i_go " + server.address;
-  const Ended free = shell.Run(program + " 0.5 0");
-  EXPECT_EQ(free.exit_code, 0);
+  const std::string ask = program + " " + server.address;
+  const Ended free = shell.Run(ask + " 0.5 0");
+  EXPECT_EQ(free.exit_code, 0) << free.err;
   EXPECT_EQ(free.out, "free\n");
-  const Ended occupied = shell.Run(program + " -0.5 0");
+  const Ended occupied = shell.Run(ask + " -0.5 0");
   EXPECT_EQ(occupied.exit_code, 1);
   EXPECT_EQ(occupied.out, "occupied\n");
   server.Stop();
-  const Ended gone = shell.Run(program + " 0.5 0");
+  const Ended gone = shell.Run(ask + " 0.5 0");
   EXPECT_EQ(gone.exit_code, 3);
   EXPECT_THAT(gone.err, HasSubstr("no server answers at " + server.address));
+}
+
+// The example by CMake; `option`: of its configuration.
+std::string ByCMake(const std::string& option) {
+  return SILHOUETTE_CMAKE " -G Ninja -S " + SourceFolder() +
+         "/clients/cpp/example -B build -DCMAKE_BUILD_TYPE=Debug "
+         "-DCMAKE_PREFIX_PATH=$PWD/prefix -DCMAKE_CXX_COMPILER=" SILHOUETTE_CXX
+         " '-DCMAKE_CXX_FLAGS=" SILHOUETTE_CXX_FLAGS "' " +
+         option + " && " SILHOUETTE_CMAKE " --build build";
+}
+
+TEST(InstalledClient, IsFoundAndUsedByAProjectOfItsOwn) {
+  ExpectAnswers(ByCMake(""), "build/may_i_go");
+}
+
+TEST(InstalledClient, IsASharedLibraryForWhoeverAsksForOne) {
+  ExpectAnswers(ByCMake("-DBUILD_SHARED_LIBS=ON") +
+                    " && readelf -d build/may_i_go | grep -q 'NEEDED.*libsilhouette.so'",
+                "build/may_i_go");
+}
+
+TEST(InstalledClient, IsFoundByPkgConfig) {
+  ExpectAnswers("PKG_CONFIG_PATH=$PWD/prefix/lib/pkgconfig; export PKG_CONFIG_PATH; " SILHOUETTE_CXX
+                " -std=c++20 " SILHOUETTE_CXX_FLAGS " " +
+                    SourceFolder() +
+                    "/clients/cpp/example/may_i_go.cc $(pkg-config --cflags --libs silhouette) "
+                    "-o may_i_go",
+                "LD_LIBRARY_PATH=$PWD/prefix/lib ./may_i_go");
 }
 
 TEST(InstalledClient, HeadersIncludeOnlyWhatIsInstalled) {
