@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "absl/time/time.h"
+#include "proto/tls/client_tls_files.h"
 
 namespace silhouette {
 
@@ -76,6 +77,7 @@ struct GrpcSource {
   std::string address;  // host:port, or unix:path
   std::string camera;   // its name there
   absl::Duration timeout = absl::Seconds(5);
+  ClientTlsFiles tls;  // without files: plain text
 };
 
 // std::monostate: there is none, masks come from elsewhere.

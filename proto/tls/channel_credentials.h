@@ -8,16 +8,9 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "proto/tls/client_tls_files.h"
 
 namespace silhouette {
-
-// PEM files: the authority that signed the server's certificate, and this client's own certificate
-// and private key. None or all.
-struct ClientTlsFiles {
-  std::string ca;
-  std::string certificate;
-  std::string key;
-};
 
 // For `address`, "host:port" or "unix:path". The server's certificate must name the host. Files are
 // read now, and again some seconds after they have changed: the next connection uses them.

@@ -3,7 +3,10 @@
 
 #include <grpc/grpc_security.h>
 #include <grpc/grpc_security_constants.h>
+#include <pwd.h>
+#include <sys/socket.h>
 
+#include <array>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
@@ -14,7 +17,8 @@ namespace silhouette {
 std::vector<std::string> NamesOf(const grpc_auth_context* context) {
   std::vector<std::string> names;
   if (context == nullptr || grpc_auth_context_peer_is_authenticated(context) == 0) return names;
-  for (const char* property : {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME}) {
+  for (const char* property :
+       {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME, kUserProperty}) {
     grpc_auth_property_iterator values =
         grpc_auth_context_find_properties_by_name(context, property);
     while (const grpc_auth_property* value = grpc_auth_property_iterator_next(&values)) {
@@ -22,6 +26,17 @@ std::vector<std::string> NamesOf(const grpc_auth_context* context) {
     }
   }
   return names;
+}
+
+std::string UserAt(int connection) {
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  if (getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return "";
+  passwd entry{};
+  passwd* found = nullptr;
+  std::array<char, 16384> text{};
+  getpwuid_r(peer.uid, &entry, text.data(), text.size(), &found);
+  return found == nullptr ? absl::StrCat("uid ", peer.uid) : std::string(found->pw_name);
 }
 
 std::string CallerOf(grpc::CallbackServerContext& context) {

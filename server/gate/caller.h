@@ -11,12 +11,19 @@ struct grpc_auth_context;
 
 namespace silhouette {
 
-// The names in the certificate of a connection: the common name, if it has one, then alternative
-// names. Empty: there is no certificate.
+// The property of a connection's context that has the user at the other end of a Unix socket.
+inline constexpr char kUserProperty[] = "user";
+
+// Who is at the other end of a connection: the names in its certificate (the common name, if it has
+// one, then alternative names), or the user. Empty: neither is known.
 std::vector<std::string> NamesOf(const grpc_auth_context* context);
 
-// A caller for people: the first name of its certificate and its address without the port, or the
-// address alone. Printable and bounded.
+// The user of this machine that has the other end of a Unix socket's connection: the name, or
+// "uid NUMBER" if it has none. Empty: the system does not say.
+std::string UserAt(int connection);
+
+// A caller for people: the first of NamesOf and its address without the port, or the address alone.
+// Printable and bounded.
 std::string CallerOf(grpc::CallbackServerContext& context);
 
 }  // namespace silhouette

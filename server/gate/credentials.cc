@@ -51,8 +51,11 @@ FileStates StatesOf(const TlsFiles& files) {
 // Thread-safe.
 class Gate {
  public:
-  Gate(TlsFiles files, Roles roles, Denied denied)
-      : files_(std::move(files)), roles_(std::move(roles)), denied_(std::move(denied)) {}
+  Gate(GateSettings settings, std::string user, Denied denied)
+      : files_(settings.tls.value_or(TlsFiles())),
+        roles_(std::move(settings.roles)),
+        user_(std::move(user)),
+        denied_(std::move(denied)) {}
 
   grpc_ssl_certificate_config_reload_status Fetch(grpc_ssl_server_certificate_config** config) {
     const std::lock_guard lock(mutex_);
@@ -73,7 +76,8 @@ class Gate {
                               : GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_NEW;
   }
 
-  absl::Status Permit(grpc_auth_context* context, std::string_view call) const {
+  absl::Status Permit(grpc_auth_context* context, std::string_view call) {
+    NameUser(context);
     const std::vector<std::string> names = NamesOf(context);
     absl::Status permitted = roles_.Permit(names, call);
     if (!permitted.ok() && denied_) {
@@ -84,8 +88,18 @@ class Gate {
   }
 
  private:
+  // All calls of a connection share its context: only the first one writes, before any reads.
+  void NameUser(grpc_auth_context* context) {
+    if (user_.empty()) return;
+    const std::lock_guard lock(mutex_);
+    if (NamesOf(context).empty()) {
+      grpc_auth_context_add_cstring_property(context, kUserProperty, user_.c_str());
+    }
+  }
+
   const TlsFiles files_;
   const Roles roles_;
+  const std::string user_;
   const Denied denied_;
   std::mutex mutex_;
   FileStates seen_;
@@ -115,8 +129,8 @@ void PermitFor(void* gate, grpc_auth_context* context, const grpc_metadata* meta
 // its C interface can.
 class GateCredentials final : public grpc::ServerCredentials {
  public:
-  GateCredentials(TlsFiles files, Roles roles, Denied denied)
-      : files_(std::move(files)), roles_(std::move(roles)), denied_(std::move(denied)) {}
+  GateCredentials(GateSettings settings, std::string user, Denied denied)
+      : settings_(std::move(settings)), user_(std::move(user)), denied_(std::move(denied)) {}
 
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {
     spdlog::error("the server's gate already decides on calls");
@@ -125,10 +139,13 @@ class GateCredentials final : public grpc::ServerCredentials {
  private:
   int AddPortToServer(const std::string& address, grpc_server* server) override {
     // Belongs to the credentials, which the server keeps as long as it may ask.
-    auto* const gate = new Gate(files_, roles_, denied_);
-    grpc_server_credentials* const credentials = grpc_ssl_server_credentials_create_with_options(
-        grpc_ssl_server_credentials_create_options_using_config_fetcher(
-            GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY, FetchFor, gate));
+    auto* const gate = new Gate(settings_, user_, denied_);
+    grpc_server_credentials* const credentials =
+        settings_.tls
+            ? grpc_ssl_server_credentials_create_with_options(
+                  grpc_ssl_server_credentials_create_options_using_config_fetcher(
+                      GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY, FetchFor, gate))
+            : grpc_local_server_credentials_create(UDS);
     if (credentials == nullptr) {
       delete gate;
       return 0;
@@ -142,18 +159,18 @@ class GateCredentials final : public grpc::ServerCredentials {
     return port;
   }
 
-  const TlsFiles files_;
-  const Roles roles_;
+  const GateSettings settings_;
+  const std::string user_;
   const Denied denied_;
 };
 
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
-    const GateSettings& settings, Denied denied) {
-  if (!settings.tls) return grpc::InsecureServerCredentials();
-  RETURN_IF_ERROR(ReadTls(*settings.tls).status());
-  return std::make_shared<GateCredentials>(*settings.tls, settings.roles, std::move(denied));
+    const GateSettings& settings, const std::string& user, Denied denied) {
+  if (settings.roles.empty()) return grpc::InsecureServerCredentials();
+  if (settings.tls) RETURN_IF_ERROR(ReadTls(*settings.tls).status());
+  return std::make_shared<GateCredentials>(settings, user, std::move(denied));
 }
 
 }  // namespace silhouette

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The server's gate: TLS with certificates on both sides, and who may call what.
+// The server's gate: TLS with certificates on both sides, or the users at the other end of a Unix
+// socket, and who may call what.
 //
 // Certificates are read again with the first connection after a file has changed. Connections that
 // exist stay as they are. Files that do not fit together are reported in the log, and the former
@@ -44,10 +45,11 @@ bool StaysOnThisMachine(const std::string& address);
 // InvalidArgument: settings that do not go together.
 absl::Status CheckGate(const std::string& address, const GateSettings& settings);
 
-// What a server listens with. Calls that settings.roles does not permit end with PERMISSION_DENIED
-// before any service has them. Errors: those of ReadTls.
+// What a server takes connections with. Calls that settings.roles does not permit end with
+// PERMISSION_DENIED before any service has them. `user`: UserAt the connections of a Unix socket;
+// empty otherwise. Errors: those of ReadTls.
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
-    const GateSettings& settings, Denied denied);
+    const GateSettings& settings, const std::string& user, Denied denied);
 
 // Gives the socket file of "unix:path" its group and mode. FailedPrecondition: there is no such
 // group, or this process may not give it.

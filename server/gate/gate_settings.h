@@ -21,7 +21,9 @@ struct TlsFiles {
 
 struct GateSettings {
   std::optional<TlsFiles> tls;  // nothing: plain text
-  Roles roles;                  // with tls: not empty; without: empty
+  // With tls: not empty, names in certificates. On a Unix socket: users; empty, everyone who
+  // connects may do everything. Else empty.
+  Roles roles;
   // Whether plain text may be spoken beyond this machine.
   bool insecure = false;
   // Of a Unix socket, whose file decides who may connect. Nothing, empty: as the process makes

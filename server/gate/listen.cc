@@ -50,7 +50,7 @@ absl::Status CheckGate(const std::string& address, const GateSettings& settings)
   const bool unix_socket = address.starts_with(kUnix);
   if (settings.tls && unix_socket) {
     return InvalidArgument("server: tls is for host:port; the Unix socket ", address.substr(5),
-                           " is guarded by socket_mode and socket_group");
+                           " is guarded by socket_mode and socket_group, and 'roles' name users");
   }
   if (!unix_socket && (settings.socket_mode || !settings.socket_group.empty())) {
     return InvalidArgument("server: socket_mode and socket_group are for unix:path, not for ",
@@ -61,8 +61,10 @@ absl::Status CheckGate(const std::string& address, const GateSettings& settings)
         "server: tls needs 'roles', e.g. {planner: [planner-1]}: the names in certificates and "
         "what they may do");
   }
-  if (!settings.tls && !settings.roles.empty()) {
-    return InvalidArgument("server: roles need 'tls': the certificate says who calls");
+  if (!settings.tls && !unix_socket && !settings.roles.empty()) {
+    return InvalidArgument(
+        "server: roles need 'tls', where the certificate says who calls, or 'listen: unix:PATH', "
+        "where the system does");
   }
   if (settings.tls || settings.insecure || unix_socket || StaysOnThisMachine(address)) {
     return absl::OkStatus();

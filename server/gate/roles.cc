@@ -104,6 +104,12 @@ Roles::Roles(std::map<Role, std::vector<std::string>> names) {
   if (names_.empty()) throw std::invalid_argument("no client has a role");
 }
 
+std::vector<std::string> Roles::names() const {
+  std::vector<std::string> names;
+  for (const auto& [name, roles] : names_) names.push_back(name);
+  return names;
+}
+
 std::set<Role> Roles::Of(std::span<const std::string> names) const {
   std::set<Role> roles;
   for (const std::string& name : names) {
@@ -117,8 +123,9 @@ absl::Status Roles::Permit(std::span<const std::string> names, std::string_view 
   const Access access = AccessOf(call);
   const std::set<Role> roles = Of(names);
   if (!names.empty() && Suffices(roles, access)) return absl::OkStatus();
-  const std::string client = names.empty() ? "a client without a name in its certificate"
-                                           : "'" + PrintableName(names[0]) + "'";
+  const std::string client =
+      names.empty() ? "an unnamed client (no name in its certificate, or a user without a role)"
+                    : "'" + PrintableName(names[0]) + "'";
   if (access == Access::kNothing) {
     return absl::UnimplementedError(absl::StrCat(client, " may not call '", PrintableName(call),
                                                  "': the server has no such call"));

@@ -29,7 +29,7 @@ const char* NameOf(Role role);
 // What a call needs. kNothing has no caller: it is what calls need that the table does not name.
 enum class Access : uint8_t {
   kNothing,
-  kCertificate,  // any that the server's client_ca signed
+  kCertificate,  // any that the server's client_ca signed; any user
   kAnyRole,
   kPlanner,
   kPublisher,
@@ -47,13 +47,16 @@ inline constexpr size_t kMostNameBytes = 256;
 class Roles {
  public:
   Roles() = default;
-  // The names in certificates: common names or alternative names. Throws std::invalid_argument for
-  // an empty or too long name, and if there is none at all.
+  // The names in certificates, common names or alternative names; or users. Throws
+  // std::invalid_argument for an empty or too long name, and if there is none at all.
   explicit Roles(std::map<Role, std::vector<std::string>> names);
 
   bool empty() const { return names_.empty(); }
 
-  // Whether a client whose certificate has these names may call `call`. PermissionDenied names the
+  // All names that have a role.
+  std::vector<std::string> names() const;
+
+  // Whether a client that has these names (NamesOf) may call `call`. PermissionDenied names the
   // client, the call, the role that it needs, and the mend. Unimplemented: the server has no such
   // call.
   absl::Status Permit(std::span<const std::string> names, std::string_view call) const;

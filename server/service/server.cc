@@ -15,9 +15,11 @@
 #include <mutex>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "server/gate/caller.h"
 #include "server/gate/credentials.h"
 #include "server/service/calls.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
@@ -108,6 +110,27 @@ absl::StatusOr<std::unique_ptr<Listener>> OpenGuarded(const std::string& address
   return listener;
 }
 
+// What takes connections, by the user at their other end; "": all others.
+using Acceptors =
+    std::map<std::string, std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor>>;
+
+// gRPC does not say who is at the other end of a Unix socket: each user that has a role gets an
+// acceptor that knows.
+absl::StatusOr<Acceptors> AddAcceptors(const std::string& address, const GateSettings& gate,
+                                       const Denied& denied, grpc::ServerBuilder& builder) {
+  std::vector<std::string> users = {""};
+  if (address.starts_with("unix:")) {
+    for (std::string& user : gate.roles.names()) users.push_back(std::move(user));
+  }
+  Acceptors acceptors;
+  for (const std::string& user : users) {
+    ASSIGN_OR_RETURN(const auto credentials, CredentialsFor(gate, user, denied));
+    acceptors[user] = builder.experimental().AddExternalConnectionAcceptor(
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  }
+  return acceptors;
+}
+
 }  // namespace
 
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
@@ -131,26 +154,25 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   if (!serving.settings.metrics.empty()) {
     ASSIGN_OR_RETURN(server->metrics_, Metrics::Start(serving.settings.metrics, serving));
   }
-  ASSIGN_OR_RETURN(
-      const auto credentials,
-      CredentialsFor(gate, [&serving](const std::string& who, const std::string& call) {
-        serving.AuditFirst(who, "call.denied", call);
-      }));
+  const Denied denied = [&serving](const std::string& who, const std::string& call) {
+    serving.AuditFirst(who, "call.denied", call);
+  };
   grpc::ServerBuilder builder;
-  std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor =
-      builder.experimental().AddExternalConnectionAcceptor(
-          grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  ASSIGN_OR_RETURN(const Acceptors acceptors, AddAcceptors(address, gate, denied, builder));
   SetLimits(serving.settings, builder);
   for (const auto& service : server->services_) builder.RegisterService(service.get());
   server->server_ = builder.BuildAndStart();
   if (server->server_ == nullptr) {
     return absl::InternalError("gRPC does not start; its log says more (GRPC_VERBOSITY=ERROR)");
   }
-  server->listener_->Start([acceptor](int listener, int connection) {
+  server->listener_->Start([acceptors](int listener, int connection) {
     grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
     parameters.listener_fd = listener;
     parameters.fd = connection;
-    acceptor->HandleNewConnection(&parameters);
+    const auto of_user =
+        acceptors.size() == 1 ? acceptors.end() : acceptors.find(UserAt(connection));
+    (of_user == acceptors.end() ? acceptors.at("") : of_user->second)
+        ->HandleNewConnection(&parameters);
   });
   grpc::HealthCheckServiceInterface* health = server->server_->GetHealthCheckService();
   for (const char* name :

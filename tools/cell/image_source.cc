@@ -125,12 +125,14 @@ FolderSource ReadFolder(const YamlNode& node, const std::filesystem::path& folde
   return source;
 }
 
-GrpcSource ImageSourceReadGrpc(const YamlNode& node, const std::string& view) {
+GrpcSource ImageSourceReadGrpc(const YamlNode& node, const std::string& view,
+                               const std::filesystem::path& folder) {
   GrpcSource source;
   source.camera = view;
   source.address = ReadMain(node, "address", [&](YamlMap& map) {
     map.Read("camera", source.camera, NotEmpty);
     map.Read("timeout", source.timeout, Timeout);
+    if (const auto tls = map.Optional("tls")) source.tls = ReadClientTls(*tls, folder);
   });
   return source;
 }
@@ -156,7 +158,8 @@ ImageSource ReadImageSource(const YamlNode& node, const std::string& view,
   if (const auto at = map.Optional("rtsp")) sources.emplace_back(ReadRtsp(*at));
   if (const auto at = map.Optional("video")) sources.emplace_back(ReadVideo(*at, folder));
   if (const auto at = map.Optional("folder")) sources.emplace_back(ReadFolder(*at, folder));
-  if (const auto at = map.Optional("grpc")) sources.emplace_back(ImageSourceReadGrpc(*at, view));
+  if (const auto at = map.Optional("grpc"))
+    sources.emplace_back(ImageSourceReadGrpc(*at, view, folder));
   map.Finish();
   if (sources.size() != 1) node.Fail(std::string("one source is expected: ") + kKinds);
   return std::move(sources.front());

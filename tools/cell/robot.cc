@@ -125,7 +125,8 @@ void ReadImages(const YamlNode& node, RobotSettings& robot) {
 RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   RobotSection robot;
-  map.Read("driver", robot.settings.driver, ReadRobotDriver);
+  map.Read("driver", robot.settings.driver,
+           [&](const YamlNode& driver) { return ReadRobotDriver(driver, folder); });
   const auto urdf = map.Optional("urdf");
   if (const auto paths = map.Optional("package_paths")) {
     for (const std::string& path : paths->Values<std::string>()) {

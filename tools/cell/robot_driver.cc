@@ -63,16 +63,17 @@ SimpleMessageSettings ReadSimpleMessage(const YamlNode& node) {
   return settings;
 }
 
-GrpcRobotSettings RobotDriverReadGrpc(const YamlNode& node) {
+GrpcRobotSettings RobotDriverReadGrpc(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   GrpcRobotSettings settings;
   settings.address = map.Get<std::string>("address");
   map.Read("timeout", settings.timeout, &YamlNode::AsPositiveTime);
+  if (const auto tls = map.Optional("tls")) settings.tls = ReadClientTls(*tls, folder);
   map.Finish();
   return settings;
 }
 
-ManualRobotSettings ReadManual(const YamlNode& node) {
+ManualRobotSettings ReadManual(const YamlNode& node, const std::filesystem::path& folder) {
   YamlMap map(node);
   ManualRobotSettings settings;
   const auto joints = map.Optional("joints");
@@ -89,13 +90,22 @@ ManualRobotSettings ReadManual(const YamlNode& node) {
     read->Fail("'simple_message: {...}' or 'grpc: {...}' is expected");
   }
   if (simple_message) settings.read = ReadSimpleMessage(*simple_message);
-  if (grpc) settings.read = RobotDriverReadGrpc(*grpc);
+  if (grpc) settings.read = RobotDriverReadGrpc(*grpc, folder);
   return settings;
 }
 
 }  // namespace
 
-RobotDriver ReadRobotDriver(const YamlNode& node) {
+ClientTlsFiles ReadClientTls(const YamlNode& node, const std::filesystem::path& folder) {
+  YamlMap map(node);
+  ClientTlsFiles files{.ca = ResolvePath(folder, map.Get<std::string>("ca")),
+                       .certificate = ResolvePath(folder, map.Get<std::string>("certificate")),
+                       .key = ResolvePath(folder, map.Get<std::string>("key"))};
+  map.Finish();
+  return files;
+}
+
+RobotDriver ReadRobotDriver(const YamlNode& node, const std::filesystem::path& folder) {
   const std::string known = "known are 'sim', 'manual', 'simple_message: {...}' and 'grpc: {...}'";
   if (!node.IsMap()) {
     const std::string name = node.As<std::string>();
@@ -110,8 +120,8 @@ RobotDriver ReadRobotDriver(const YamlNode& node) {
   const std::vector<std::string> keys = map.Keys();
   if (keys.size() != 1) node.Fail("one driver is expected; " + known);
   if (keys[0] == kSimpleMessage) return ReadSimpleMessage(map.Required(kSimpleMessage));
-  if (keys[0] == kGrpc) return RobotDriverReadGrpc(map.Required(kGrpc));
-  if (keys[0] == kManual) return ReadManual(map.Required(kManual));
+  if (keys[0] == kGrpc) return RobotDriverReadGrpc(map.Required(kGrpc), folder);
+  if (keys[0] == kManual) return ReadManual(map.Required(kManual), folder);
   node.Fail("the driver '" + keys[0] + "' is not known; " + known);
 }
 

@@ -26,7 +26,10 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const std::optional<YamlNod
                               const std::filesystem::path& folder);
 
 // "sim", or a map of one key that names the driver.
-RobotDriver ReadRobotDriver(const YamlNode& node);
+RobotDriver ReadRobotDriver(const YamlNode& node, const std::filesystem::path& folder);
+
+// The key `tls` of a connection to somebody's driver.
+ClientTlsFiles ReadClientTls(const YamlNode& node, const std::filesystem::path& folder);
 
 // Where the images of the view `view` come from.
 ImageSource ReadImageSource(const YamlNode& node, const std::string& view,

@@ -16,6 +16,7 @@
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/camera_image.h"
 #include "db/status/status_macros.h"
+#include "proto/tls/channel_credentials.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 
 namespace silhouette {
@@ -50,14 +51,15 @@ absl::StatusOr<absl::Time> CaptureTime(const v1::DriverImage& image, absl::Time 
 
 class GrpcCameras : public CameraSource {
  public:
-  GrpcCameras(std::string address, const std::vector<GrpcView>& views, absl::Duration timeout)
+  GrpcCameras(std::string address, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
+              const std::vector<GrpcView>& views, absl::Duration timeout)
       : address_(std::move(address)), timeout_(timeout) {
     grpc::ChannelArguments arguments;
     arguments.SetMaxReceiveMessageSize(kLargestMessage);
     // A driver that was started again is found again soon.
     arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
     stub_ = v1::CameraDriverService::NewStub(
-        grpc::CreateCustomChannel(address_, grpc::InsecureChannelCredentials(), arguments));
+        grpc::CreateCustomChannel(address_, credentials, arguments));
     for (const GrpcView& view : views) {
       views_.push_back(view.view);
       request_.add_cameras(view.camera);
@@ -207,8 +209,10 @@ absl::StatusOr<CameraImage> ImageOf(const v1::DriverImage& message, absl::Time c
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenGrpcCameras(const std::string& address,
                                                               const std::vector<GrpcView>& views,
-                                                              absl::Duration timeout) {
-  auto cameras = std::make_unique<GrpcCameras>(address, views, timeout);
+                                                              absl::Duration timeout,
+                                                              const ClientTlsFiles& tls) {
+  ASSIGN_OR_RETURN(const auto credentials, ChannelCredentialsFor(address, tls));
+  auto cameras = std::make_unique<GrpcCameras>(address, credentials, views, timeout);
   RETURN_IF_ERROR(cameras->Check(views));
   return cameras;
 }

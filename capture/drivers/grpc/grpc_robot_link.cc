@@ -15,6 +15,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/grpc/driver_status.h"
+#include "db/status/status_macros.h"
+#include "proto/tls/channel_credentials.h"
 #include "silhouette/v1/robot_driver.grpc.pb.h"
 
 namespace silhouette {
@@ -157,8 +159,8 @@ class GrpcRobotLink : public ControllerLink {
 
 absl::StatusOr<std::unique_ptr<ControllerLink>> ConnectGrpcRobot(
     const GrpcRobotSettings& settings) {
-  const std::shared_ptr<grpc::Channel> channel =
-      grpc::CreateChannel(settings.address, grpc::InsecureChannelCredentials());
+  ASSIGN_OR_RETURN(const auto credentials, ChannelCredentialsFor(settings.address, settings.tls));
+  const std::shared_ptr<grpc::Channel> channel = grpc::CreateChannel(settings.address, credentials);
   const auto stub = v1::RobotDriverService::NewStub(channel);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + settings.timeout));

@@ -11,7 +11,8 @@
 namespace silhouette {
 
 // Connects and asks for the joints; feedback is what GetState says. Unavailable, DeadlineExceeded:
-// no server answers at the address; otherwise the driver's error.
+// no server answers at the address; InvalidArgument, NotFound: settings.tls, as
+// ChannelCredentialsFor; otherwise the driver's error.
 absl::StatusOr<std::unique_ptr<ControllerLink>> ConnectGrpcRobot(const GrpcRobotSettings& settings);
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 
 #include "absl/time/time.h"
 #include "capture/drivers/robots/simple_message.h"
+#include "proto/tls/client_tls_files.h"
 
 namespace silhouette {
 
@@ -44,6 +45,7 @@ struct GrpcRobotSettings {
   std::string address = {};  // host:port, or unix:path
   // Longest time without an answer.
   absl::Duration timeout = absl::Seconds(1);
+  ClientTlsFiles tls = {};  // without files: plain text
 };
 
 // An operator moves the robot as the program asks.

@@ -143,13 +143,20 @@ def main():
                         help="host:port; port 0: a free one (default: %(default)s)")
     parser.add_argument("--start", default="0,0,0,0,0,0",
                         help="where the pretended arm stands, in degrees (default: %(default)s)")
+    parser.add_argument("--tls", nargs=3, metavar=("CERTIFICATE", "KEY", "CLIENT_CA"), type=pathlib.Path,
+                        help="PEM files: encrypt, and let in only clients whose certificate CLIENT_CA signed")
     arguments = parser.parse_args()
 
     arm = PretendArm([float(degrees) for degrees in arguments.start.split(",")])
     # A MoveTo occupies a thread until the robot has arrived: GetState and Stop need others.
     server = grpc.server(concurrent.futures.ThreadPoolExecutor(max_workers=8))
     services.add_RobotDriverServiceServicer_to_server(RobotDriver(arm), server)
-    port = server.add_insecure_port(arguments.listen)
+    if arguments.tls:
+        certificate, key, client_ca = (file.read_bytes() for file in arguments.tls)
+        port = server.add_secure_port(arguments.listen, grpc.ssl_server_credentials(
+            [(key, certificate)], client_ca, require_client_auth=True))
+    else:
+        port = server.add_insecure_port(arguments.listen)
     if port == 0:
         sys.exit(f"robot_driver.py: cannot listen on {arguments.listen}")
     server.start()

@@ -11,6 +11,8 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
 
@@ -20,6 +22,7 @@
 #include "capture/sim/served/network_cameras.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
 #include "tests/capture/drivers/served_cell.h"
+#include "tests/certificates.h"
 #include "tests/folders.h"
 
 namespace silhouette {
@@ -101,10 +104,12 @@ class OddDriver : public v1::CameraDriverService::Service {
  public:
   using Answer = std::function<void(v1::GrabResponse&)>;
 
-  explicit OddDriver(Answer answer) : answer_(std::move(answer)) {
+  explicit OddDriver(Answer answer, const std::shared_ptr<grpc::ServerCredentials>& credentials =
+                                        grpc::InsecureServerCredentials())
+      : answer_(std::move(answer)) {
     int port = 0;
     grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
+    builder.AddListeningPort("127.0.0.1:0", credentials, &port);
     builder.RegisterService(this);
     server_ = builder.BuildAndStart();
     address_ = absl::StrCat("127.0.0.1:", port);
@@ -125,8 +130,8 @@ class OddDriver : public v1::CameraDriverService::Service {
     return grpc::Status::OK;
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Grabbed() {
-    auto opened = OpenGrpcCameras(address_, {{"top", "top", 4, 2}}, absl::Seconds(20));
+  absl::StatusOr<std::vector<CameraImage>> Grabbed(const ClientTlsFiles& tls = {}) {
+    auto opened = OpenGrpcCameras(address_, {{"top", "top", 4, 2}}, absl::Seconds(20), tls);
     if (!opened.ok()) return opened.status();
     return GrpcCameraTake(**opened);
   }
@@ -190,6 +195,24 @@ TEST(CameraDriver, EncodedImagesAreRead) {
   ASSERT_TRUE(images.ok()) << images.status();
   EXPECT_EQ(images->front().channels, 3);
   EXPECT_EQ(images->front().pixels[2], 3);
+}
+
+std::string TextIn(const std::filesystem::path& file) {
+  std::ifstream stream(file);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+TEST(CameraDriver, WithCertificatesServesOnlyWhoHasOne) {
+  const std::filesystem::path folder = MakeCertificates();
+  grpc::SslServerCredentialsOptions options(
+      GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+  options.pem_root_certs = TextIn(folder / "ca.pem");
+  options.pem_key_cert_pairs.push_back(
+      {TextIn(folder / "server.key"), TextIn(folder / "server.pem")});
+  OddDriver driver([](v1::GrabResponse& response) { AddImage(response); },
+                   grpc::SslServerCredentials(options));
+  EXPECT_EQ(driver.Grabbed(TlsFilesOf("operator", folder)).status(), absl::OkStatus());
+  EXPECT_TRUE(absl::IsUnavailable(driver.Grabbed().status()));
 }
 
 TEST(CameraDriver, WhatIsNoImageIsTold) {

@@ -22,6 +22,7 @@
 #include "capture/sim/served/simulated_controller.h"
 #include "tests/capture/drivers/robot_places.h"
 #include "tests/capture/sim/small_cell.h"
+#include "tests/certificates.h"
 #include "tests/folders.h"
 
 namespace silhouette {
@@ -117,16 +118,25 @@ TEST_F(GrpcRobotTest, NobodyThereIsSaidWithTheAddress) {
 // The example driver in a process of its own.
 class PythonDriver {
  public:
-  PythonDriver() {
+  // `certificates`: of tools/certificates; empty: plain text.
+  explicit PythonDriver(const std::filesystem::path& certificates = {}) {
+    std::vector<std::string> arguments = {
+        SourceFolder() + "/clients/drivers/python/robot_driver.py", "--listen", "127.0.0.1:0",
+        "--start", "0,10,0,0,0,-90"};
+    if (!certificates.empty()) {
+      arguments.insert(arguments.end(), {"--tls", certificates / "server.pem",
+                                         certificates / "server.key", certificates / "ca.pem"});
+    }
+    std::vector<char*> words;
+    for (std::string& argument : arguments) words.push_back(argument.data());
+    words.push_back(nullptr);
     int out[2];
     if (pipe(out) != 0) return;
-    const std::string program = SourceFolder() + "/clients/drivers/python/robot_driver.py";
     child_ = fork();
     if (child_ == 0) {
       dup2(out[1], STDOUT_FILENO);
       close(out[0]);
-      execl(program.c_str(), program.c_str(), "--listen", "127.0.0.1:0", "--start",
-            "0,10,0,0,0,-90", nullptr);
+      execv(words[0], words.data());
       _exit(127);
     }
     close(out[1]);
@@ -176,6 +186,23 @@ TEST(PythonRobotDriver, IsDrivenAndStopped) {
     const auto state = slow->State();
     return state.ok() && !state->moving;
   }));
+}
+
+TEST(PythonRobotDriver, WithCertificatesServesOnlyWhoHasOne) {
+  const std::filesystem::path certificates = MakeCertificates();
+  const PythonDriver driver(certificates);
+  ASSERT_THAT(driver.address(), HasSubstr("127.0.0.1:"));
+  GrpcRobotSettings settings{.address = driver.address(),
+                             .timeout = kTimeout,
+                             .tls = TlsFilesOf("operator", certificates)};
+  EXPECT_EQ(ConnectGrpcRobot(settings).status(), absl::OkStatus());
+  settings.tls = TlsFilesOf("operator", MakeCertificates());  // another authority's
+  settings.timeout = absl::Seconds(3);
+  EXPECT_TRUE(absl::IsUnavailable(ConnectGrpcRobot(settings).status()));
+  settings.tls = {};
+  EXPECT_TRUE(absl::IsUnavailable(ConnectGrpcRobot(settings).status()));
+  settings.tls = {.ca = certificates / "ca.pem"};
+  EXPECT_TRUE(absl::IsInvalidArgument(ConnectGrpcRobot(settings).status()));
 }
 
 }  // namespace

@@ -2,8 +2,14 @@
 // A server behind its gate: who gets in, what each may do, and what is recorded.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <pwd.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -15,9 +21,11 @@
 #include "absl/strings/str_split.h"
 #include "proto/tls/channel_credentials.h"
 #include "server/audit/audit_log.h"
+#include "server/gate/caller.h"
 #include "server/gate/credentials.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "tests/certificates.h"
 #include "tests/folders.h"
 #include "tests/server/service/raw_call.h"
 #include "tests/server/service/test_server.h"
@@ -31,15 +39,6 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-// Certificates of tools/certificates in a new folder.
-std::filesystem::path MakeCertificates(const std::string& host = "127.0.0.1") {
-  const std::filesystem::path folder = FreshFolder();
-  const std::string command =
-      SourceFolder() + "/tools/certificates '" + folder.string() + "' " + host + " > /dev/null";
-  EXPECT_EQ(std::system(command.c_str()), 0);
-  return folder;
-}
 
 const std::filesystem::path& Certificates() {
   static const std::filesystem::path folder = MakeCertificates();
@@ -142,6 +141,55 @@ TEST_F(GateTest, EachRoleMakesItsOwnCallsAndDeniedOnesAreRecorded) {
               AllOf(HasSubstr("\"who\":\"'planner'\",\"what\":" + publish),
                     HasSubstr("\"who\":\"'operator'\",\"what\":" + publish),
                     Not(HasSubstr("\"who\":\"'administrator'\",\"what\":\"call.denied\""))));
+}
+
+std::string ThisUser() { return getpwuid(getuid())->pw_name; }
+
+TEST_F(GateTest, UserAtTheOtherEndOfAUnixSocketHasItsRole) {
+  GateSettings gate;
+  gate.roles = Roles({{Role::kPlanner, {ThisUser()}}, {Role::kPublisher, {"nobody-here"}}});
+  Start(gate, "unix:" + (FreshFolder() / "socket").string());
+  EXPECT_THAT(AllowedFor(ClientOf({})),
+              ElementsAre("check", "explain", "read", "read regions", "space", "watch"));
+  EXPECT_THAT(Audited(), HasSubstr("\"who\":\"'" + ThisUser() + "'\",\"what\":\"call.denied\""));
+}
+
+TEST_F(GateTest, UserWithoutARoleMayDoNothing) {
+  GateSettings gate;
+  gate.roles = Roles({{Role::kAdministrator, {"nobody-here"}}});
+  Start(gate, "unix:" + (FreshFolder() / "socket").string());
+  EXPECT_THAT(AllowedFor(ClientOf({})), testing::IsEmpty());
+  EXPECT_THAT(Ask({}).message(), HasSubstr("a user without a role"));
+}
+
+TEST(UserAt, IsWhoConnectedNotWhoListens) {
+  if (getuid() != 0) GTEST_SKIP() << "only root becomes another user";
+  const std::filesystem::path path = FreshFolder() / "socket";
+  sockaddr_un name{};
+  name.sun_family = AF_UNIX;
+  path.string().copy(name.sun_path, sizeof(name.sun_path) - 1);
+  const int listener = socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(bind(listener, reinterpret_cast<const sockaddr*>(&name), sizeof(name)), 0);
+  ASSERT_EQ(listen(listener, 2), 0);
+  std::filesystem::permissions(path, std::filesystem::perms::all);
+  std::filesystem::permissions(path.parent_path(), std::filesystem::perms::all);
+  for (const auto& [uid, user] : {std::pair(uid_t{65534}, "nobody"), {61234, "uid 61234"}}) {
+    const pid_t child = fork();
+    if (child == 0) {
+      const int connection = socket(AF_UNIX, SOCK_STREAM, 0);
+      const bool connected =
+          setresuid(uid, uid, uid) == 0 &&
+          connect(connection, reinterpret_cast<const sockaddr*>(&name), sizeof(name)) == 0;
+      pause();
+      _exit(connected ? 0 : 1);
+    }
+    const int accepted = accept(listener, nullptr, nullptr);
+    EXPECT_EQ(UserAt(accepted), user);
+    close(accepted);
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+  }
+  close(listener);
 }
 
 TEST_F(GateTest, ChangesAreRecordedWithTheNameOfWhoMadeThem) {

@@ -345,6 +345,15 @@ TEST(Cell, RobotIsMovedByHandOrBySomebodysDriver) {
   cell = Load(Driven("{grpc: {address: \"robot:50061\", timeout: 2 s}}"));
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(std::get<GrpcRobotSettings>(cell->robot.driver).timeout, absl::Seconds(2));
+  EXPECT_EQ(std::get<GrpcRobotSettings>(cell->robot.driver).tls, ClientTlsFiles());
+  cell =
+      Load(Driven("{grpc: {address: \"robot:1\", tls: {ca: a.pem, certificate: /b.pem, key: c}}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const ClientTlsFiles& tls = std::get<GrpcRobotSettings>(cell->robot.driver).tls;
+  EXPECT_EQ(tls.ca, (TestFolder() / "a.pem").string());
+  EXPECT_EQ(tls.certificate, "/b.pem");
+  EXPECT_THAT(MessageOf(Driven("{grpc: {address: \"robot:1\", tls: {ca: a.pem}}}")),
+              HasSubstr("certificate"));
   EXPECT_THAT(MessageOf(Driven("grpc")), HasSubstr("say 'grpc: {address"));
   EXPECT_THAT(MessageOf(Driven("{grpc: {}}")), HasSubstr("address"));
   EXPECT_THAT(MessageOf(Driven("{manual: {read: {}}}")), HasSubstr("is expected"));

@@ -79,17 +79,24 @@ absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSou
   struct Driver {
     std::vector<GrpcView> views;
     absl::Duration timeout;
+    ClientTlsFiles tls;
   };
   std::map<std::string, Driver> drivers;  // by address
   for (const ViewSettings& view : cell.views) {
     const auto* source = std::get_if<GrpcSource>(&view.source);
     if (source == nullptr) continue;
     Driver& driver = drivers[source->address];
+    if (!driver.views.empty() && !(driver.tls == source->tls)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the views of the camera driver at ", source->address,
+                       " have different 'tls'; one call takes them all: state the same for all"));
+    }
+    driver.tls = source->tls;
     driver.views.push_back({view.name, source->camera, view.image_width, view.image_height});
     driver.timeout = std::max(driver.timeout, source->timeout);
   }
   for (const auto& [address, driver] : drivers) {
-    OpenedSource opened = OpenGrpcCameras(address, driver.views, driver.timeout);
+    OpenedSource opened = OpenGrpcCameras(address, driver.views, driver.timeout, driver.tls);
     if (!opened.ok()) return opened.status();
     sources.push_back(*std::move(opened));
   }
