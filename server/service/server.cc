@@ -22,6 +22,7 @@
 #include "server/gate/caller.h"
 #include "server/gate/credentials.h"
 #include "server/service/calls.h"
+#include "grpc/health/v1/health.pb.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -146,6 +147,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   google::protobuf::SetLogHandler(nullptr);
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  // Without a use of it the linker leaves out what reflection describes the health service by.
+  grpc::health::v1::HealthCheckRequest::descriptor();
   auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
   Serving& serving = server->serving_;
   const GateSettings& gate = serving.settings.gate;

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Python package against the real server."""
+import subprocess
 import threading
 import time
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 import silhouette
+import conftest
 from conftest import STEPS, TRUTH, WALL, publish
 from silhouette import Reason, State
 
@@ -90,6 +92,30 @@ def test_errors_are_exceptions_of_their_code_with_the_same_sentence(client):
     with pytest.raises(silhouette.Unavailable, match="no server answers at 127.0.0.1:1"):
         gone.check([[0, 0]])
     assert issubclass(silhouette.Unavailable, ConnectionError)
+
+
+def test_certificates_decide_who_may_call(cell, tmp_path):
+    subprocess.run([conftest.SOURCE / "tools/certificates", tmp_path, "127.0.0.1"], check=True, capture_output=True)
+    (cell / "tls.yaml").write_text(conftest.CELL + "  tls: {certificate: %s, key: %s, client_ca: %s}\n" % tuple(
+        tmp_path / file for file in ("server.pem", "server.key", "ca.pem")) +
+        "  roles: {publisher: [publisher], planner: [planner]}\n")
+    process, address = conftest.serve(cell, "tls.yaml")
+
+    def client_of(role):
+        return silhouette.Client(address, tls_ca=str(tmp_path / "ca.pem"),
+                                 tls_certificate=str(tmp_path / f"{role}.pem"), tls_key=str(tmp_path / f"{role}.key"))
+
+    try:
+        planner = client_of("planner")
+        publish(client_of("publisher"))
+        assert planner.check([[0.0, 1.0]]).all_free
+        with pytest.raises(silhouette.PermissionDenied, match="'planner' may not call PublishScene"):
+            publish(planner)
+        with pytest.raises(silhouette.Unavailable):
+            silhouette.Client(address, timeout=2).check([[0.0, 1.0]])
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_policies_reach_the_server(client):

@@ -44,12 +44,12 @@ WALL[0:10, 7:9] = True  # from the upper rim down; the robot passes below it in 
 TRUTH = np.array([[(robot_at(x, y) & WALL).any() for y in range(STEPS)] for x in range(STEPS)])
 
 
-def serve(folder):
+def serve(folder, cell="cell.yaml"):
     """The server and its address, once it listens."""
     output = folder / "server.txt"
     with open(output, "w") as file:
         server = subprocess.Popen(
-            [BIN / "silhouette-server", "--cell", folder / "cell.yaml", "--database", folder / "cell.lmdb"],
+            [BIN / "silhouette-server", "--cell", folder / cell, "--database", folder / "cell.lmdb"],
             stdout=file, stderr=subprocess.STDOUT)
     while True:
         found = re.search(r"listening on (\S+)\n", output.read_text())

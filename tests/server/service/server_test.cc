@@ -243,9 +243,14 @@ TEST(Server, ReflectsItsServices) {
       RawCall(server.channel, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
               std::string("\x3a\x01*"));
   for (const char* name : {"silhouette.v1.CollisionService", "silhouette.v1.SceneService",
-                           "silhouette.v1.DatabaseService"}) {
+                           "silhouette.v1.DatabaseService", "grpc.health.v1.Health"}) {
     EXPECT_THAT(services, HasSubstr(name));
   }
+  // The file that has a symbol, by its name.
+  const std::string file =
+      RawCall(server.channel, "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
+              "\x22\x15grpc.health.v1.Health");
+  EXPECT_THAT(file, HasSubstr("HealthCheckResponse"));
 }
 
 TEST(ServerStreams, SilentOneLastsWhileItsClientAsksForSignsOfLife) {
