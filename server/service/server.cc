@@ -147,8 +147,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   google::protobuf::SetLogHandler(nullptr);
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  // Without a use of it the linker leaves out what reflection describes the health service by.
-  grpc::health::v1::HealthCheckRequest::descriptor();
+  // Else the linker leaves out what reflection describes the health service by.
+  google::protobuf::LinkMessageReflection<grpc::health::v1::HealthCheckRequest>();
   auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
   Serving& serving = server->serving_;
   const GateSettings& gate = serving.settings.gate;
