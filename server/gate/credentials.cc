@@ -168,7 +168,7 @@ class GateCredentials final : public grpc::ServerCredentials {
 
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
     const GateSettings& settings, const std::string& user, Denied denied) {
-  if (settings.roles.empty()) return grpc::InsecureServerCredentials();
+  if (!settings.tls && settings.roles.empty()) return grpc::InsecureServerCredentials();
   if (settings.tls) RETURN_IF_ERROR(ReadTls(*settings.tls).status());
   return std::make_shared<GateCredentials>(settings, user, std::move(denied));
 }

@@ -29,7 +29,7 @@ const char* NameOf(Role role);
 // What a call needs. kNothing has no caller: it is what calls need that the table does not name.
 enum class Access : uint8_t {
   kNothing,
-  kCertificate,  // any that the server's client_ca signed; any user
+  kCertificate,  // any that the server's client_ca signed; any user that has a role
   kAnyRole,
   kPlanner,
   kPublisher,
