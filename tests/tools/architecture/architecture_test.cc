@@ -76,8 +76,8 @@ std::string Underscored(std::string text) {
 }
 
 House ReadHouse() {
-  std::map<std::string, std::string> folders = {{"proto_storage", "proto"},
-                                                {"client", "clients/cpp"}};
+  std::map<std::string, std::string> folders = {
+      {"proto_storage", "proto"}, {"proto_health", "proto"}, {"client", "clients/cpp"}};
   std::vector<std::pair<std::string, std::string>> lines;
   std::ifstream in(kBuild / "architecture.txt");
   for (std::string line; std::getline(in, line);) {
@@ -130,7 +130,8 @@ std::string ForbiddenArrow(const std::string& from, const std::string& to) {
 
 // The folder that owns a file or an included path; empty if it is nobody's.
 std::string OwnerOf(const House& house, const std::string& path) {
-  if (path.starts_with("silhouette/v1/") || path.starts_with("silhouette/storage/")) {
+  if (path.starts_with("silhouette/v1/") || path.starts_with("silhouette/storage/") ||
+      path.starts_with("grpc/health/")) {
     return "proto";
   }
   if (path.starts_with("silhouette/")) return "clients/cpp";
