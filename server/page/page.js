@@ -259,6 +259,8 @@ function drawMap(shown, known) {
   if (present) {
     ring(context, MARGIN.left + px(present.configuration[space.x]), MARGIN.top + py(present.configuration[space.y]));
   }
+  const any = joints.filter(standsForAny).map((joint) => joint.name).join(", ");
+  text($("cells-note"), any && `A cell is free, or occupied, whatever these joints do: ${any}. Otherwise it is unknown.`);
   text($("map-missing"), known ? space.missing : judge().status);
   const where = present ? present.configuration.map((v, j) => `${joints[j].name} ${value(v, j)}`).join(", ") : "";
   const state = known && present ? present.state : "unknown";
@@ -290,12 +292,13 @@ function ticks(context, { x, y }, joints, px, py, width, height) {
   const at = (joint, part) => joint.lower + part * (joint.upper - joint.lower);
   const label = (j) => `${joints[j].name}, ${unitOf(j) || "rad or m"}`;
   const turns = (j) => unitOf(j) === "rad";
+  context.textAlign = "center";
   for (const part of [0, 0.5, 1]) {
     const v = at(joints[x], part);
-    context.textAlign = part === 0 ? "left" : part === 1 ? "right" : "center";
-    context.fillText(v.toFixed(2) + (turns(x) ? ` (${degrees(v, 0)})` : ""), Math.min(width, Math.max(0, px(v))), height + 6);
+    const words = v.toFixed(2) + (turns(x) ? ` (${degrees(v, 0)})` : "");
+    const half = context.measureText(words).width / 2;
+    context.fillText(words, Math.min(width - half, Math.max(half, px(v))), height + 6);
   }
-  context.textAlign = "center";
   context.fillText(label(x), width / 2, height + 24);
   if (x === y) return;
   context.textAlign = "right";
