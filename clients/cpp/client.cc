@@ -236,6 +236,7 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
                                  .obstacle_png = view.obstacle_png(),
                                  .intersection_png = view.intersection_png(),
                                  .collision_png = view.collision_png()});
+    if (view.has_robot()) explanation.views.back().robot = FromMessage(view.robot());
   }
   return explanation;
 }

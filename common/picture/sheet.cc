@@ -16,6 +16,7 @@ constexpr int kSheetMargin = 16;
 constexpr int kGap = 14;
 constexpr int kSheetTitle = 20;
 constexpr int kCaption = 14;
+constexpr int kSheetLine = 20;
 constexpr int kSheetLegendLine = 22;
 constexpr int kSheetLegendGap = 18;
 constexpr int kSwatch = 14;
@@ -101,7 +102,10 @@ Picture ContactSheet(const std::vector<CaptionedPicture>& pictures, const SheetO
   int inner = -kGap;
   for (int width : widths) inner += width + kGap;
   inner = std::max(inner, TextWidth(options.title, kSheetTitle));
-  const int head = options.title.empty() ? 0 : kSheetTitle + kGap;
+  for (const std::string& line : options.lines) inner = std::max(inner, TextWidth(line, kCaption));
+  const int title = options.title.empty() ? 0 : kSheetTitle + kGap;
+  const int lines = static_cast<int>(options.lines.size()) * kSheetLine;
+  const int head = title + lines + (lines > 0 ? kGap / 2 : 0);
   const int legend = LegendHeight(options.legend, inner);
   int total = 2 * kSheetMargin + head + (legend > 0 ? legend + kGap / 2 : 0) - kGap;
   for (int height : heights) total += height + kGap;
@@ -109,6 +113,10 @@ Picture ContactSheet(const std::vector<CaptionedPicture>& pictures, const SheetO
   Picture sheet = BlankPicture(inner + 2 * kSheetMargin, std::max(total, 1));
   DrawText(sheet, options.title, {kSheetMargin, kSheetMargin + kSheetTitle / 2},
            {.height = kSheetTitle});
+  for (size_t i = 0; i < options.lines.size(); ++i) {
+    const int middle = kSheetMargin + title + static_cast<int>(i) * kSheetLine + kCaption / 2;
+    DrawText(sheet, options.lines[i], {kSheetMargin, middle}, {.height = kCaption});
+  }
   int top = kSheetMargin + head;
   for (size_t row = 0; row < heights.size(); ++row) {
     int left = kSheetMargin;

@@ -24,8 +24,9 @@ struct CaptionedPicture {
 };
 
 struct SheetOptions {
-  std::string title;  // empty: none
-  int columns = 0;    // 0: chosen so that the sheet is about as wide as a page
+  std::string title;                    // empty: none
+  std::vector<std::string> lines = {};  // under the title
+  int columns = 0;                      // 0: chosen so that the sheet is about as wide as a page
   std::vector<LegendEntry> legend;
 };
 

@@ -1,53 +1,65 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/picture/text.h"
 
-#include <algorithm>
+#include <cairo.h>
+
 #include <cmath>
+#include <cstdint>
+#include <memory>
 #include <opencv2/imgproc.hpp>
 
 namespace silhouette {
 namespace {
 
-constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-constexpr int kOversampling = 4;      // drawn larger and scaled down: smoother than drawn small
-constexpr double kCapHeight = 22.0;   // of the font at scale 1
-constexpr double kCapPerLine = 0.62;  // capitals take this share of a line's height
+constexpr double kSizePerLine = 0.84;  // of the font, as a share of a line's height
+constexpr double kBaseline = 0.76;     // from the top of the line: capitals are in its middle
 
-double ScaleOf(int height) { return height * kCapPerLine / kCapHeight; }
+using Surface = std::unique_ptr<cairo_surface_t, decltype(&cairo_surface_destroy)>;
+using Context = std::unique_ptr<cairo_t, decltype(&cairo_destroy)>;
 
-int ThicknessOf(int height) { return std::max(1, height * kOversampling / 13); }
+Surface NewSurface(int width, int height) {
+  return {cairo_image_surface_create(CAIRO_FORMAT_A8, width, height), cairo_surface_destroy};
+}
 
-// The ink of a text, 0 to 255, tightly around it but for full line height.
+Context NewContext(const Surface& surface, int height) {
+  Context context(cairo_create(surface.get()), cairo_destroy);
+  cairo_select_font_face(context.get(), "sans-serif", CAIRO_FONT_SLANT_NORMAL,
+                         CAIRO_FONT_WEIGHT_NORMAL);
+  cairo_set_font_size(context.get(), height * kSizePerLine);
+  return context;
+}
+
+// The ink of a text, 0 to 255, as wide as it and as high as a line.
 cv::Mat Ink(const std::string& text, int height) {
-  const int line = height * kOversampling;
-  const double scale = ScaleOf(line);
-  const int thickness = ThicknessOf(height);
-  int below = 0;
-  const cv::Size size = cv::getTextSize(text, kFont, scale, thickness, &below);
-  const int width = (size.width / kOversampling + 2) * kOversampling;
-  cv::Mat large(line, width, CV_8UC1, cv::Scalar(0));
-  const int baseline = static_cast<int>(std::lround(line * (0.46 + kCapPerLine / 2)));
-  cv::putText(large, text, {kOversampling, baseline}, kFont, scale, cv::Scalar(255), thickness,
-              cv::LINE_AA);
-  cv::Mat ink;
-  cv::resize(large, ink, {}, 1.0 / kOversampling, 1.0 / kOversampling, cv::INTER_AREA);
-  return ink;
+  const Surface surface = NewSurface(TextWidth(text, height), height);
+  const Context context = NewContext(surface, height);
+  cairo_move_to(context.get(), 1, height * kBaseline);
+  cairo_show_text(context.get(), text.c_str());
+  cairo_surface_flush(surface.get());
+  return cv::Mat(height, cairo_image_surface_get_width(surface.get()), CV_8UC1,
+                 cairo_image_surface_get_data(surface.get()),
+                 static_cast<size_t>(cairo_image_surface_get_stride(surface.get())))
+      .clone();
 }
 
 }  // namespace
 
 int TextWidth(const std::string& text, int height) {
-  int below = 0;
-  return cv::getTextSize(text, kFont, ScaleOf(height * kOversampling), ThicknessOf(height), &below)
-                 .width /
-             kOversampling +
-         2;
+  const Surface surface = NewSurface(1, 1);
+  const Context context = NewContext(surface, height);
+  cairo_text_extents_t extents;
+  cairo_text_extents(context.get(), text.c_str(), &extents);
+  return static_cast<int>(std::ceil(extents.x_advance)) + 2;
 }
 
 std::string Shortened(const std::string& text, int width, int height) {
   if (TextWidth(text, height) <= width) return text;
   std::string kept = text;
-  while (!kept.empty() && TextWidth(kept + "...", height) > width) kept.pop_back();
+  while (!kept.empty() && TextWidth(kept + "...", height) > width) {
+    // A character is a first byte and others that begin with the bits 10.
+    while (kept.size() > 1 && (static_cast<uint8_t>(kept.back()) & 0xC0) == 0x80) kept.pop_back();
+    kept.pop_back();
+  }
   return kept + "...";
 }
 

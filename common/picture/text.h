@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text in pictures: ASCII, smooth, upright or turned.
+// Text in pictures: UTF-8, in the system's sans-serif font, upright or turned.
 #pragma once
 
 #include <opencv2/core/types.hpp>

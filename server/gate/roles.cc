@@ -90,6 +90,8 @@ Access AccessOf(std::string_view call) {
   return row == std::end(kCalls) ? Access::kNothing : row->second;
 }
 
+bool MayCall(Role role, std::string_view call) { return Suffices({role}, AccessOf(call)); }
+
 Roles::Roles(std::map<Role, std::vector<std::string>> names) {
   for (const auto& [role, clients] : names) {
     for (const std::string& client : clients) {

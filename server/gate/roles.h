@@ -40,6 +40,9 @@ enum class Access : uint8_t {
 // all but kNothing.
 Access AccessOf(std::string_view call);
 
+// Whether who has this role, and no other, may call `call`.
+bool MayCall(Role role, std::string_view call);
+
 // Longest name of a client, bytes.
 inline constexpr size_t kMostNameBytes = 256;
 

@@ -22,7 +22,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
+#include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
+#include "server/page/page_calls.h"
 #include "server/page/snapshot.h"
 #include "server/page/templates.h"
 #include "server/service/defects.h"
@@ -41,6 +43,7 @@ constexpr milliseconds kLongestInterval{500};
 constexpr milliseconds kAfterMapTime{5};
 constexpr int kNice = 10;
 constexpr size_t kMostStops = 100;
+constexpr std::chrono::seconds kLongestStart{10};
 
 // When what is served changes, and when and why nothing was known. Any threads.
 class Changes final : public Watcher {
@@ -153,6 +156,36 @@ void Refuse(httplib::Response& response, int status, const std::string& why) {
   response.set_content(why + "\n", "text/plain; charset=utf-8");
 }
 
+// Whether the page's own script asks. Neither a form nor a script of another site can send this
+// type and this origin.
+bool FromThisPage(const httplib::Request& request) {
+  const std::string site = request.get_header_value("Sec-Fetch-Site");
+  return request.get_header_value_count("Origin") == 1 &&
+         request.get_header_value("Origin") == "http://" + request.get_header_value("Host") &&
+         request.get_header_value("Content-Type") == "application/json" &&
+         (site.empty() || site == "same-origin");
+}
+
+// A body whose length is known before it is read, and which does not grow when it is unpacked.
+bool HasPlainBody(const httplib::Request& request) {
+  return !request.has_header("Transfer-Encoding") && !request.has_header("Content-Encoding");
+}
+
+int HttpCodeOf(const absl::Status& status) {
+  switch (status.code()) {
+    case absl::StatusCode::kInvalidArgument:
+      return 400;
+    case absl::StatusCode::kPermissionDenied:
+      return 403;
+    case absl::StatusCode::kAborted:
+      return 409;
+    case absl::StatusCode::kResourceExhausted:
+      return 429;
+    default:
+      return 500;
+  }
+}
+
 httplib::Headers SecurityHeaders() {
   return {{"Content-Security-Policy",
            "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src "
@@ -166,24 +199,27 @@ httplib::Headers SecurityHeaders() {
 }  // namespace
 
 struct CellPage::Http {
-  explicit Http(Serving& the_serving)
-      : serving(the_serving), changes(std::make_shared<Changes>(serving)) {
+  Http(Serving& the_serving, std::optional<Role> the_role)
+      : serving(the_serving), role(the_role), changes(std::make_shared<Changes>(serving)) {
     server.new_task_queue = [] { return new BoundedThreads(); };
     server.set_socket_options([](int socket) {
       const int yes = 1;
       setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
     });
     server.set_tcp_nodelay(true);
-    server.set_payload_max_length(1024);
+    server.set_payload_max_length(kMostBody);
     server.set_keep_alive_max_count(1);
     server.set_default_headers(SecurityHeaders());
     server.set_pre_routing_handler(
         [](const httplib::Request& request, httplib::Response& response) {
-          if (request.get_header_value_count("Host") == 1 &&
-              NamesNoForeignHost(request.get_header_value("Host"))) {
+          if (request.get_header_value_count("Host") != 1 ||
+              !NamesNoForeignHost(request.get_header_value("Host"))) {
+            Refuse(response, 421, "Open this page by a numeric address or as localhost.");
+          } else if (!HasPlainBody(request)) {
+            Refuse(response, 411, "State the length of the body, and do not pack it.");
+          } else {
             return httplib::Server::HandlerResponse::Unhandled;
           }
-          Refuse(response, 421, "Open this page by a numeric address or as localhost.");
           return httplib::Server::HandlerResponse::Handled;
         });
     const auto file = [this](const char* path, const char* text, const char* type) {
@@ -194,27 +230,56 @@ struct CellPage::Http {
     file("/", templates::page_html, "text/html; charset=utf-8");
     file("/page.css", templates::page_css, "text/css; charset=utf-8");
     file("/page.js", templates::page_js, "text/javascript; charset=utf-8");
+    file("/regions.js", templates::regions_js, "text/javascript; charset=utf-8");
     server.Get("/favicon.ico",
                [](const httplib::Request&, httplib::Response& response) { response.status = 204; });
     server.Get("/events", [this](const httplib::Request& request, httplib::Response& response) {
       Stream(request, response);
     });
+    for (const char* const call : kPageCalls) {
+      server.Post(call, [this, call](const httplib::Request& request, httplib::Response& response) {
+        Change(call, request, response);
+      });
+    }
   }
 
   ~Http() {
     changes->End();
+    WaitForStart(std::chrono::hours(1));  // stop() does not end a server that is yet to start
     server.stop();
     if (thread.joinable()) thread.join();
   }
 
-  void Listen() {
+  // Unavailable: it does not begin to serve.
+  absl::Status Listen() {
     serving.watches.Add(changes);
     thread = std::thread([this] {
       // The threads that it starts are as nice as it.
       setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
       server.listen_after_bind();
+      ended = true;
     });
-    while (!server.is_running()) std::this_thread::sleep_for(milliseconds(1));
+    if (WaitForStart(kLongestStart)) return absl::OkStatus();
+    return absl::UnavailableError("page: the system lets no connections come in; start it again");
+  }
+
+  // Whether it serves, before it has ended or `longest` is over.
+  bool WaitForStart(std::chrono::seconds longest) const {
+    const SteadyTime end = std::chrono::steady_clock::now() + longest;
+    while (thread.joinable() && !ended && !server.is_running()) {
+      if (std::chrono::steady_clock::now() >= end) break;
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+    return server.is_running();
+  }
+
+  void Change(const std::string& call, const httplib::Request& request,
+              httplib::Response& response) {
+    if (!FromThisPage(request)) return Refuse(response, 403, "Another site asks.");
+    const absl::Status done =
+        AnswerPageCall(serving, role, call, request.body, request.remote_addr);
+    if (!done.ok()) return Refuse(response, HttpCodeOf(done), std::string(done.message()));
+    response.status = 204;
   }
 
   // Server-sent events: a snapshot each.
@@ -245,14 +310,17 @@ struct CellPage::Http {
           const std::string event = absl::StrCat(
               "data: {\"stops\":",
               changes->Stops().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
-              ",\"now\":", SnapshotText(serving, choice), "}\n\n");
+              ",\"role\":\"", role ? NameOf(*role) : "",
+              "\",\"now\":", SnapshotText(serving, choice), "}\n\n");
           return sink.write(event.data(), event.size());
         },
         [this](bool) { --streams; });
   }
 
   Serving& serving;
+  const std::optional<Role> role;
   const std::shared_ptr<Changes> changes;
+  std::atomic<bool> ended = false;  // no longer serves, or never did
   std::atomic<int> streams = 0;
   std::atomic<uint64_t> snapshots = 0;
   httplib::Server server;
@@ -267,7 +335,8 @@ CellPage::~CellPage() = default;
 uint64_t CellPage::snapshots() const { return http_->snapshots; }
 
 absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
-                                                          Serving& serving) {
+                                                          Serving& serving,
+                                                          std::optional<Role> role) {
   if (address.starts_with("unix:")) {
     return absl::InvalidArgumentError(
         absl::StrCat("page address '", address, "': browsers ask over TCP; say 127.0.0.1:8080"));
@@ -281,10 +350,15 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
         ", which other machines reach: use 127.0.0.1, or start with --insecure if everyone in that "
         "network may see its images"));
   }
+  if (role && !StaysOnThisMachine(address)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("page: everyone who reaches ", address, " would have the role '",
+                     NameOf(*role), "': use 127.0.0.1, and 'ssh -L' from other machines"));
+  }
   const size_t colon = address.rfind(':');
   std::string host = address.substr(0, colon);
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  auto http = std::make_unique<Http>(serving);
+  auto http = std::make_unique<Http>(serving, role);
   int port = std::stoi(address.substr(colon + 1));
   if (port == 0) {
     port = http->server.bind_to_any_port(host);
@@ -294,7 +368,7 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
   if (port < 0)
     return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
   if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
-  http->Listen();
+  RETURN_IF_ERROR(http->Listen());
   return std::unique_ptr<CellPage>(
       new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
 }

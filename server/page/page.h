@@ -1,31 +1,40 @@
 // SPDX-License-Identifier: Apache-2.0
-// The operator's page in the browser (docs/page.md): read-only, over HTTP.
+// The operator's page in the browser (docs/page.md), over HTTP. Read-only, unless it has a role.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "server/gate/roles.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
 
 // Serves in threads of its own, at a lower priority than all others. Requests must name a numeric
-// address or localhost as their host, against DNS rebinding. Without an open event stream it makes
-// no snapshots.
+// address or localhost as their host, against DNS rebinding. Changes are asked for by POST, with
+// the page's own origin and with a type that forms cannot send. Without an open event stream it
+// makes no snapshots.
 class CellPage {
  public:
   // The most event streams at a time. Each has at most ten events a second.
   static constexpr int kMostStreams = 4;
   // Further connections wait. More than kMostStreams, for the files of the page.
   static constexpr int kMostConnections = 12;
+  // Most bytes of a request's body: masks of all views.
+  static constexpr size_t kMostBody = size_t{1} << 20;
 
   // Answers at http://ADDRESS/ until it is gone. `address`: "host:port"; errors are those of
   // CheckListenAddress, and FailedPrecondition, if other machines reach it and `insecure` is not
-  // set. `serving` must outlive it, and Server::Stop must not come before its end.
+  // set. `role`: what everyone who reaches the page may do; nothing: look. FailedPrecondition: it
+  // has one, and other machines reach it, whether `insecure` is set or not. Unavailable: it does
+  // not begin to serve. `serving` must outlive it, and Server::Stop must not come before its end.
   static absl::StatusOr<std::unique_ptr<CellPage>> Start(const std::string& address, bool insecure,
-                                                         Serving& serving);
+                                                         Serving& serving,
+                                                         std::optional<Role> role = std::nullopt);
   ~CellPage();
 
   // The address that is listened on, with the port that was chosen.

@@ -15,6 +15,7 @@ const CLOCK_DRIFT = 0.0005;    // s/s, more than clocks drift
 const $ = (id) => document.getElementById(id);
 let snapshot = null;           // the newest
 let stops = [];
+let role = "";                 // of the page: what it may change
 let source = null;
 let connected = false;
 let ahead = -Infinity;         // of the server's clock before ours, by the event that was under way least
@@ -48,13 +49,20 @@ const duration = (s) => Number.isNaN(s) ? "–" : s < 1 ? `${Math.round(s * 1000
   : s < 120 ? `${s.toFixed(1)} s` : `${Math.round(s / 60)} min`;
 const count = (n) => Number(n).toLocaleString("en").replaceAll(",", "\u202f");
 const reason = (name) => name.replace(/^REASON_/, "").toLowerCase().replaceAll("_", " ");
-// Joints are radians or metres; the grid does not say which.
-const value = (v) => v.toFixed(3);
-const UNIT = "rad or m";
+const degrees = (v, digits = 1) => `${(v * 180 / Math.PI).toFixed(digits)}°`;
+// "rad", "m", or "" if it is not known which of them.
+const unitOf = (j) => snapshot.units[j];
+// The value of a joint, by its place in the grid.
+function value(v, j) {
+  const unit = unitOf(j);
+  return `${v.toFixed(3)} ${unit || "rad or m"}${unit === "rad" ? ` (${degrees(v)})` : ""}`;
+}
+const standsForAny = (joint) => joint.steps === 1 && joint.lower < joint.upper;   // its one value stands for any
 
 function heard(event) {
-  const { stops: newest, now } = JSON.parse(event.data);
+  const { stops: newest, role: granted, now } = JSON.parse(event.data);
   stops = newest;
+  role = granted;
   snapshot = now;
   connected = true;
   if (now.clock !== undefined) {
@@ -231,7 +239,7 @@ function drawMap(shown, known) {
   const step = (joint) => (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
   const px = (v) => ((v - jx.lower) / (step(jx) || 1) + 0.5) / jx.steps * inner;
   const py = (v) => flat ? high / 2 : high - ((v - jy.lower) / (step(jy) || 1) + 0.5) / rows * high;
-  ticks(context, jx, px, py, inner, high, flat ? null : jy);
+  ticks(context, space, joints, px, py, inner, high);
   context.beginPath();
   context.rect(0, 0, inner, high);
   context.clip();
@@ -251,8 +259,10 @@ function drawMap(shown, known) {
   if (present) {
     ring(context, MARGIN.left + px(present.configuration[space.x]), MARGIN.top + py(present.configuration[space.y]));
   }
+  const any = joints.filter(standsForAny).map((joint) => joint.name).join(", ");
+  text($("cells-note"), any && `A cell is free, or occupied, whatever these joints do: ${any}. Otherwise it is unknown.`);
   text($("map-missing"), known ? space.missing : judge().status);
-  const where = present ? present.configuration.map((v, j) => `${joints[j].name} ${value(v)}`).join(", ") : "";
+  const where = present ? present.configuration.map((v, j) => `${joints[j].name} ${value(v, j)}`).join(", ") : "";
   const state = known && present ? present.state : "unknown";
   text($("present"), present ? `The robot is at ${where}: ${state}.` : "Where the robot is, is not known.");
   canvas.setAttribute("aria-label", `Map over ${jx.name}${flat ? "" : ` and ${jy.name}`}. ${$("present").textContent}`);
@@ -276,30 +286,36 @@ function scaled(canvas, width, height) {
   return context;
 }
 
-function ticks(context, jx, px, py, width, height, jy) {
+function ticks(context, { x, y }, joints, px, py, width, height) {
   context.fillStyle = "#222";
   context.textBaseline = "top";
-  const label = (v) => v.toFixed(2);
-  for (const part of [0, 0.5, 1]) {
-    const v = jx.lower + part * (jx.upper - jx.lower);
-    context.textAlign = part === 0 ? "left" : part === 1 ? "right" : "center";
-    context.fillText(label(v), Math.min(width, Math.max(0, px(v))), height + 6);
-  }
+  const at = (joint, part) => joint.lower + part * (joint.upper - joint.lower);
+  const label = (j) => `${joints[j].name}, ${unitOf(j) || "rad or m"}`;
+  const turns = (j) => unitOf(j) === "rad";
   context.textAlign = "center";
-  context.fillText(`${jx.name}, ${UNIT}`, width / 2, height + 24);
-  if (!jy) return;
-  context.textAlign = "right";
   for (const part of [0, 0.5, 1]) {
-    const v = jy.lower + part * (jy.upper - jy.lower);
-    context.textBaseline = part === 0 ? "bottom" : part === 1 ? "top" : "middle";
-    context.fillText(label(v), -6, Math.min(height, Math.max(0, py(v))));
+    const v = at(joints[x], part);
+    const words = v.toFixed(2) + (turns(x) ? ` (${degrees(v, 0)})` : "");
+    const half = context.measureText(words).width / 2;
+    context.fillText(words, Math.min(width - half, Math.max(half, px(v))), height + 6);
+  }
+  context.fillText(label(x), width / 2, height + 24);
+  if (x === y) return;
+  context.textAlign = "right";
+  context.textBaseline = "middle";
+  for (const part of [0, 0.5, 1]) {
+    const v = at(joints[y], part);
+    const lines = turns(y) ? [v.toFixed(2), degrees(v, 0)] : [v.toFixed(2)];
+    const half = 7 * lines.length;
+    const middle = Math.min(height - half, Math.max(half, py(v)));
+    lines.forEach((line, i) => context.fillText(line, -6, middle + 14 * (i - (lines.length - 1) / 2)));
   }
   context.save();
   context.translate(-MARGIN.left + 6, height / 2);
   context.rotate(-Math.PI / 2);
   context.textAlign = "center";
   context.textBaseline = "top";
-  context.fillText(`${jy.name}, ${UNIT}`, 0, 0);
+  context.fillText(label(y), 0, 0);
   context.restore();
 }
 
@@ -330,11 +346,14 @@ function drawControls(shown) {
     if (joints.length < 3) return [];
     const axis = (name, chosen) => {
       const select = document.createElement("select");
-      joints.forEach((joint, j) => select.append(new Option(joint.name, j, false, j === chosen)));
+      joints.forEach((joint, j) => {
+        if (!standsForAny(joint) || j === chosen) select.append(new Option(joint.name, j, false, j === chosen));
+      });
       select.onchange = () => choose({ [name]: Number(select.value) });
       return element("label", "", name === "x" ? "Across" : "Up", select);
     };
     const slider = (joint, j) => {
+      if (standsForAny(joint)) return element("span", "", `${joint.name}: any`);
       const range = document.createElement("input");
       Object.assign(range, { type: "range", min: 0, max: joint.steps - 1 });
       range.dataset.joint = j;
@@ -357,7 +376,7 @@ function drawControls(shown) {
     const joint = joints[j];
     if (document.activeElement !== range || $("follow").checked) range.value = space.at[j];
     const step = (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
-    text(range.nextSibling, `${value(joint.lower + step * range.value)} ${UNIT}`);
+    text(range.nextSibling, value(joint.lower + step * range.value, j));
   }
 }
 
@@ -389,7 +408,7 @@ function drawPaths(shown, known) {
       }
       if (state === "occupied") {
         const joints = shown.database.grid.joints;
-        const q = check.configuration.positions.map((v, j) => `${joints[j].name} ${value(v)}`).join(", ");
+        const q = check.configuration.positions.map((v, j) => `${joints[j].name} ${value(v, j)}`).join(", ");
         item.append(element("p", "", `First blocked ${Math.round(check.fraction * 100)} % after waypoint ${check.segment}: ${q}`));
         item.append(element("p", "", check.verdict.views.map((view) => view.missing ? `${view.view}: missing`
           : `${view.view}: ${view.obstacle_pixels} obstacle`).join(", ") + " pixels. Dashed in the views: the robot there."));
@@ -559,7 +578,7 @@ function draw() {
   drawPaths(snapshot, known);
   drawDevices(snapshot);
   drawLatency(snapshot);
-  drawViews(snapshot, known);
+  drawViews(snapshot, known).then(() => regions.draw(snapshot, known));
 }
 
 // Time alone makes things unknown.
@@ -570,4 +589,5 @@ setInterval(() => {
 }, 100);
 document.addEventListener("visibilitychange", () => { connected = false; draw(); connect(); });
 window.addEventListener("resize", draw);
+regions.start();
 connect();

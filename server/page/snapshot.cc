@@ -73,7 +73,12 @@ json ViewsJson(const Serving& serving, const Checker& checker,
   for (int view = 0; view < served.database->views(); ++view) {
     const auto i = static_cast<size_t>(view);
     json& shown = views[served.database->view_name(view)];
-    shown = {{"image", nullptr}, {"robot", nullptr}, {"allowed", nullptr}};
+    shown = {{"image", nullptr}, {"robot", nullptr}, {"allowed", nullptr}, {"region", nullptr}};
+    std::optional<Mask> region;
+    for (const AllowedRegion& in_force : served.regions->regions) {
+      if (in_force.pixels[i]) region = region ? *region | *in_force.pixels[i] : *in_force.pixels[i];
+    }
+    shown["region"] = MaskJson(region);
     if (served.scene == nullptr || !served.scene->views[i]) continue;
     if (present) shown["robot"] = MaskJson(checker.TestRobotImage(view, *present));
     std::optional<Mask> allowed;
@@ -262,6 +267,33 @@ json PathJson(const WatchedPath& path, const Checker& checker, const Moment& now
   return shown;
 }
 
+// The allowed regions in force: how long from `now` on, and how many pixels of each view.
+json RegionsJson(const Served& served, const Moment& now) {
+  json regions = json::array();
+  for (const AllowedRegion& region : served.regions->regions) {
+    json pixels = json::object();
+    for (int view = 0; view < served.database->views(); ++view) {
+      const std::optional<Mask>& mask = region.pixels[static_cast<size_t>(view)];
+      if (mask && !mask->Empty()) pixels[served.database->view_name(view)] = mask->Count();
+    }
+    regions.push_back({{"name", region.name},
+                       {"remaining", absl::ToDoubleSeconds(region.end - now.running)},
+                       {"pixels", std::move(pixels)}});
+  }
+  return regions;
+}
+
+// By joint of the grid: "rad", "m", or "" if it is not known which of them.
+json UnitsJson(const Serving& serving, const ConfigurationGrid& grid) {
+  json units = json::array();
+  for (const GridJoint& joint : grid.joints()) {
+    const auto slides = serving.settings.joint_slides.find(joint.name);
+    const bool known = joint.continuous || slides != serving.settings.joint_slides.end();
+    units.push_back(!known ? "" : !joint.continuous && slides->second ? "m" : "rad");
+  }
+  return units;
+}
+
 json LatencyJson(const LatencyFigures& figures) {
   return {{"count", figures.count}, {"within", figures.within}};
 }
@@ -297,6 +329,7 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   v1::GetDatabaseResponse database;
   ToMessage(*served.database, checker->policy(), &database);
   shown["database"] = JsonOf(database);
+  shown["units"] = UnitsJson(serving, served.database->grid());
   shown["max_age"] = absl::ToDoubleSeconds(serving.settings.scene.max_age);
   const std::optional<Configuration> present = PresentConfiguration(served);
   shown["views"] = ViewsJson(serving, *checker, present);
@@ -316,6 +349,7 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   shown["clock"] = absl::ToDoubleSeconds(now.running);
   shown["time"] = absl::ToUnixMillis(now.time);
   shown["basis"] = JsonOf(basis);
+  shown["regions"] = RegionsJson(served, now);
   shown["blocked"] = blocked == Reason::kNone ? "" : NameOf(blocked);
   shown["valid_for"] =
       valid_for == absl::InfiniteDuration() ? 1e9 : absl::ToDoubleSeconds(valid_for);

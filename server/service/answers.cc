@@ -358,6 +358,7 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
         PictureOfView(scene, i, obstacle.obstacle(), obstacle.unknown(), obstacle.error())));
     const std::optional<Mask> robot = checker.TestRobotImage(view, q);
     if (!robot) continue;
+    ToMessage(*robot, explanation.mutable_robot());
     const IntersectionImage intersection(obstacle, *robot);
     explanation.set_intersection_png(EncodePng(PictureOfView(
         scene, i, intersection.obstacle(), intersection.unknown(), intersection.error())));

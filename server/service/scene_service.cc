@@ -16,6 +16,7 @@
 #include "server/service/calls.h"
 #include "server/service/defects.h"
 #include "server/service/messages.h"
+#include "server/service/regions.h"
 #include "server/service/serving.h"
 #include "server/service/streams.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
@@ -24,18 +25,6 @@
 namespace silhouette {
 
 namespace {
-
-// "12 pixels in 'left', 9 in 'top'"
-std::string PixelCounts(const AllowedRegion& region, const ServedDatabase& database) {
-  std::string counts;
-  for (size_t view = 0; view < region.pixels.size(); ++view) {
-    if (!region.pixels[view]) continue;
-    absl::StrAppend(&counts, counts.empty() ? "" : ", ", region.pixels[view]->Count(),
-                    counts.empty() ? " pixels in '" : " in '",
-                    database.view_name(static_cast<int>(view)), "'");
-  }
-  return counts;
-}
 
 absl::Status CheckChange(const v1::ChangeVariantRequest& request,
                          const std::vector<std::string>& variants) {
@@ -198,28 +187,13 @@ class Scenes final : public SceneCalls {
   grpc::ServerUnaryReactor* AllowRegion(grpc::CallbackServerContext* context,
                                         const grpc::ByteBuffer* in,
                                         grpc::ByteBuffer* out) override {
-    const Moment now = serving_.settings.clock();
+    const Moment arrived = serving_.settings.clock();
     return AnswerOn(
         serving_.scene_workers, serving_, context, *in,
         OnBytes<v1::AllowRegionRequest, v1::AllowRegionResponse>(
             in, out,
-            [=, this](const v1::AllowRegionRequest& request,
-                      v1::AllowRegionResponse* response) -> absl::Status {
-              const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-              ASSIGN_OR_RETURN(auto pixels, RegionPixelsFrom(request, *database));
-              ASSIGN_OR_RETURN(
-                  const AllowedRegion region,
-                  serving_.scenes.Allow(request.name(), std::move(pixels),
-                                        DurationFrom(request.duration()), now, database));
-              spdlog::info("{} allows region '{}' for {}: {}", context->peer(), region.name,
-                           absl::FormatDuration(region.end - now.running),
-                           PixelCounts(region, *database));
-              serving_.Audit(CallerOf(*context), "region.allow",
-                             absl::StrCat("'", region.name, "' for ",
-                                          absl::FormatDuration(region.end - now.running), ": ",
-                                          PixelCounts(region, *database)));
-              ToMessage(region, *database, serving_.settings.clock(), response->mutable_region());
-              return absl::OkStatus();
+            [=, this](const v1::AllowRegionRequest& request, v1::AllowRegionResponse* response) {
+              return Answer(serving_, CallerOf(*context), request, arrived, response);
             }));
   }
 
@@ -231,14 +205,7 @@ class Scenes final : public SceneCalls {
         OnBytes<v1::RevokeRegionRequest, v1::RevokeRegionResponse>(
             in, out,
             [=, this](const v1::RevokeRegionRequest& request, v1::RevokeRegionResponse* response) {
-              const bool was_in_force =
-                  serving_.scenes.Revoke(request.name(), serving_.settings.clock());
-              if (was_in_force) {
-                spdlog::info("{} revokes region '{}'", context->peer(), request.name());
-                serving_.Audit(CallerOf(*context), "region.revoke", "'" + request.name() + "'");
-              }
-              response->set_was_in_force(was_in_force);
-              return absl::OkStatus();
+              return Answer(serving_, CallerOf(*context), request, response);
             }));
   }
 

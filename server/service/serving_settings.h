@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 
@@ -44,6 +45,9 @@ struct ServingSettings {
   // Of the server's own acquisition, if it takes images itself; then PublishScene is
   // refused.
   std::shared_ptr<LiveRecord> live;
+  // By the name of each joint whose kind is known: whether it slides, so that its values are
+  // metres, else radians. For people alone.
+  std::map<std::string, bool> joint_slides;
   // host:port where metrics are served; empty: nowhere.
   std::string metrics;
   // Who reaches the server, and how.

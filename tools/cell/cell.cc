@@ -66,6 +66,7 @@ Cell ReadCell(const std::string& path) {
       .grid = std::move(robot.grid),
       .grid_move = robot.grid_move,
       .fixed_joints = std::move(robot.fixed_joints),
+      .joint_slides = std::move(robot.joint_slides),
       .views = ReadViews(views_node, margin_node ? ReadMargin(*margin_node) : Margin{}, folder),
       .workspace = std::nullopt,
       .capture = {},

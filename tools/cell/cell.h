@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -92,6 +93,8 @@ struct Cell {
   // no model, or the file states no grid.
   double grid_move = 0;
   std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
+  // By the name of each joint of the model: whether it slides. Empty: there is no model.
+  std::map<std::string, bool> joint_slides;
   std::vector<ViewSettings> views;
   // What the robot never leaves; nothing: not said.
   std::optional<Workspace> workspace;

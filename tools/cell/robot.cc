@@ -2,6 +2,7 @@
 // The sections `robot` and `grid` of cell.yaml: the robot, and the grid over the joints that move.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -159,6 +160,15 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   return robot;
 }
 
+std::map<std::string, bool> SlidesOf(const RobotSection& robot) {
+  std::map<std::string, bool> slides;
+  if (!robot.model) return slides;
+  for (const RobotJoint& joint : robot.model->joints()) {
+    slides[joint.name] = joint.type == JointType::kPrismatic;
+  }
+  return slides;
+}
+
 // How far each joint moves the robot's points: metres per radian or metre.
 std::vector<double> Reaches(const RobotSection& robot, const YamlNode& node) {
   std::vector<std::string> moving;
@@ -254,7 +264,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
       robot_node.Fail("the cell needs a 'grid', unless the robot has 'images: drawn'");
     }
     if (robot.settings.arm_joints > 0) robot_node.Fail("arm_joints needs a 'grid'");
-    return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed};
+    return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed, SlidesOf(robot)};
   }
   const YamlNode& grid_node = *grid;
   YamlMap map(grid_node);
@@ -285,7 +295,8 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
     }
     const std::vector<double> moves = MovesOf(joints, reaches);
     const double most = moves.empty() ? 0 : std::ranges::max(moves);
-    return {robot.settings, MakeGrid(std::move(joints), robot, robot_node), most, robot.fixed};
+    return {robot.settings, MakeGrid(std::move(joints), robot, robot_node), most, robot.fixed,
+            SlidesOf(robot)};
   } catch (const std::invalid_argument& error) {
     grid_node.Fail(error.what());
   }

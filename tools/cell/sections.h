@@ -20,6 +20,7 @@ struct RobotAndGrid {
   ConfigurationGrid grid;
   double grid_move = 0;  // Cell::grid_move
   std::vector<FixedJoint> fixed_joints;
+  std::map<std::string, bool> joint_slides;  // Cell::joint_slides
 };
 // `grid`: may be left out if the robot's images are drawn.
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const std::optional<YamlNode>& grid,

@@ -31,6 +31,7 @@
 #include "db/status/status_macros.h"
 #include "server/audit/audit_log.h"
 #include "server/gate/credentials.h"
+#include "server/gate/roles.h"
 #include "server/live/calibration_watch.h"
 #include "server/live/live_loop.h"
 #include "server/live/live_record.h"
@@ -58,6 +59,7 @@ struct Options {
   std::string calibration_check;               // empty: as in the cell file
   std::string metrics;                         // empty: as in the cell file
   std::string page;                            // empty: none
+  std::string page_role;                       // empty: the page is read-only
   bool live = false;
   bool insecure = false;
   bool unverified = false;
@@ -205,6 +207,7 @@ absl::Status Serve(const Options& options) {
   AskForDescriptors(settings.limits);
   settings.index_check = cell.server.index_check;
   settings.segmentation = cell.segmentation;
+  settings.joint_slides = cell.joint_slides;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()
                                                    ? cell.server.calibration_check
@@ -229,7 +232,9 @@ absl::Status Serve(const Options& options) {
   }
   std::unique_ptr<CellPage> page;
   if (!options.page.empty()) {
-    ASSIGN_OR_RETURN(page, CellPage::Start(options.page, options.insecure, server->serving()));
+    const auto role = options.page_role.empty() ? std::nullopt : std::optional(Role::kOperator);
+    ASSIGN_OR_RETURN(page,
+                     CellPage::Start(options.page, options.insecure, server->serving(), role));
   }
   std::unique_ptr<LiveLoop> live;
   if (options.live) {
@@ -303,6 +308,12 @@ int Main(int argc, char** argv) {
       "--page", options.page,
       "host:port of a page that shows the cell in a browser: views, configuration space,\n"
       "watched paths; default: none. Of this machine alone, or --insecure be given");
+  app.add_option(
+         "--page-role", options.page_role,
+         "operator: everyone who opens the page may allow and revoke regions, in which obstacles\n"
+         "are not seen; only for a page of this machine alone. Default: the page is read-only")
+      ->check(CLI::IsMember({NameOf(Role::kOperator)}))
+      ->needs("--page");
   app.add_option("--simulated-obstacles", options.obstacles,
                  "With --live and a simulated cell: the file of its obstacles")
       ->needs("--live");

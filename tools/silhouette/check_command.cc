@@ -15,9 +15,14 @@
 #include <optional>
 #include <thread>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "db/status/status_macros.h"
+#include "silhouette/v1/database_service.pb.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
@@ -47,6 +52,19 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Session& sessi
     return absl::InvalidArgumentError("give a configuration, e.g. 0.1,-30deg, or --file FILE");
   }
   return configurations;
+}
+
+// A configuration of the command line in the units in which it was given.
+std::string AsTyped(const Session& session, const std::string& text) {
+  const bool degrees = session.unit == AngleUnit::kDegrees || absl::StrContains(text, "deg");
+  if (!degrees) return Spoken(ParseConfiguration(text, session.unit));
+  std::vector<std::string> values = absl::StrSplit(text, ',');
+  for (std::string& value : values) {
+    absl::StripAsciiWhitespace(&value);
+    const bool bare = !value.empty() && (absl::ascii_isdigit(value.back()) || value.back() == '.');
+    if (bare && session.unit == AngleUnit::kDegrees) value += "deg";
+  }
+  return absl::StrJoin(values, ",");
 }
 
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
@@ -87,12 +105,15 @@ std::string UnitHint(const Session& session, const Configuration& q,
   return " (joint values are radians; did you mean degrees? Write 90deg, or give --degrees)";
 }
 
-std::string CheckTextOf(const Session& session, const std::vector<Configuration>& configurations,
+// `typed`: the first of the configurations, as they stand on the command line.
+std::string CheckTextOf(const Session& session, const std::vector<std::string>& typed,
+                        const std::vector<Configuration>& configurations,
                         const client::ConfigurationChecks& checks,
                         const std::vector<double>& times) {
   std::string text;
   for (size_t i = 0; i < configurations.size(); ++i) {
-    absl::StrAppend(&text, Spoken(configurations[i]), ": ",
+    absl::StrAppend(&text,
+                    i < typed.size() ? AsTyped(session, typed[i]) : Spoken(configurations[i]), ": ",
                     Spoken(checks.verdicts[i], checks.basis),
                     UnitHint(session, configurations[i], checks.verdicts[i]), "\n");
   }
@@ -262,7 +283,7 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
   PrintResult(session.format, CheckJsonOf(configurations, checks, session.clearance, times),
-              CheckTextOf(session, configurations, checks, times));
+              CheckTextOf(session, arguments.configurations, configurations, checks, times));
   return checks.AllFree() ? kDone : kNo;
 }
 
@@ -284,17 +305,53 @@ absl::StatusOr<ExitCode> CheckPath(const Session& session, const CheckPathArgume
 struct ExplainArguments {
   std::string configuration;
   std::string out;
+  std::string images;
 };
+
+// What is asked about, when, and by which policy.
+absl::StatusOr<ExplanationNotes> NotesOf(const Session& session, const ExplainArguments& arguments,
+                                         const client::Explanation& explanation,
+                                         const v1::GetDatabaseResponse& database) {
+  ExplanationNotes notes;
+  std::string joints;
+  for (const v1::GridJoint& joint : database.grid().joints()) {
+    absl::StrAppend(&joints, joints.empty() ? "" : ", ", joint.name());
+  }
+  const std::string preset =
+      session.policy.preset.empty() ? database.default_policy().preset() : session.policy.preset;
+  const client::Basis& basis = explanation.basis;
+  notes.lines = {
+      absl::StrCat("Configuration: ", AsTyped(session, arguments.configuration), " (", joints, ")"),
+      Spoken(explanation.verdict, basis) +
+          UnitHint(session, ParseConfiguration(arguments.configuration, session.unit),
+                   explanation.verdict),
+      Spoken(basis)};
+  if (basis.scene_id != 0) notes.lines.push_back("Images taken: " + Spoken(basis.scene_time));
+  notes.lines.push_back(absl::StrCat("Cell '", database.cell_name(), "', preset ", preset));
+  for (const v1::View& view : database.views()) {
+    notes.shapes[view.name()] =
+        static_cast<double>(view.image_height()) / std::max(1, view.image_width());
+  }
+  if (arguments.images.empty()) return notes;
+  notes.lines.push_back(absl::StrCat("Camera images: from '", arguments.images, "'"));
+  ASSIGN_OR_RETURN(const ImagesFolder folder, ReadImagesFolder(arguments.images));
+  for (const ImageFile& image : folder.images) notes.cameras[image.view] = image.path;
+  return notes;
+}
 
 absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments& arguments) {
   const Configuration configuration = ParseConfiguration(arguments.configuration, session.unit);
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   ASSIGN_OR_RETURN(const auto explanation, client.Explain(configuration, session.policy));
   if (!arguments.out.empty()) {
-    RETURN_IF_ERROR(WriteExplanation(explanation, arguments.out));
+    ASSIGN_OR_RETURN(const v1::GetDatabaseResponse database, client.GetDatabase());
+    ASSIGN_OR_RETURN(const ExplanationNotes notes,
+                     NotesOf(session, arguments, explanation, database));
+    RETURN_IF_ERROR(WriteExplanation(explanation, notes, arguments.out));
   }
   PrintResult(session.format, JsonOf(configuration, explanation),
-              TextOf(configuration, explanation));
+              TextOf(AsTyped(session, arguments.configuration),
+                     UnitHint(session, configuration, explanation.verdict), explanation));
   return explanation.verdict.free() ? kDone : kNo;
 }
 
@@ -359,11 +416,16 @@ void AddExplainCommand(CLI::App& program, Session& session) {
   command->add_option("--out", arguments->out,
                       "Write the images of every view into this folder: VIEW_scene.png and so on, "
                       "and explanation.png with all of them");
+  command
+      ->add_option("--images", arguments->images,
+                   "A folder with images.json: its camera images come into explanation.png too")
+      ->needs("--out");
   AddVerdictOptions(*command, session);
   command->footer(
       "Exit code 0 if the configuration is free, 1 if not.\n\n"
       "Example:\n"
-      "  silhouette explain 30deg,-10deg --out why");
+      "  silhouette explain 30deg,-10deg --out why\n"
+      "  silhouette explain 30deg,-10deg --out why --images images");
   Runs(*command, session, Explain, arguments);
 }
 

@@ -10,6 +10,7 @@
 
 #include "absl/time/time.h"
 #include "silhouette/configuration_grid.h"
+#include "silhouette/mask.h"
 #include "silhouette/separation.h"
 #include "silhouette/verdict.h"
 
@@ -120,6 +121,8 @@ struct ViewPictures {
   std::string obstacle_png;
   std::string intersection_png;
   std::string collision_png;
+  // The tested robot; nothing: there is no image of it.
+  std::optional<Mask> robot = std::nullopt;
 };
 
 struct Explanation {

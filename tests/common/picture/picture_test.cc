@@ -5,10 +5,12 @@
 
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "common/picture/chart.h"
 #include "common/picture/sheet.h"
+#include "common/picture/text.h"
 
 namespace silhouette {
 namespace {
@@ -39,6 +41,26 @@ TEST(Picture, OfPlanesHasTheColourOfEachPlane) {
   EXPECT_EQ(At(picture, 3, 1), palette::kError);
   EXPECT_EQ(PixelsOf(picture, palette::kBackground), 9);
   EXPECT_THROW(PictureOfPlanes(Mask({4, 3}), Mask({4, 3}), Mask({3, 4})), std::invalid_argument);
+}
+
+TEST(Text, IsDrawnInItsLineAndMeasured) {
+  Picture picture = BlankPicture(400, 60);
+  DrawText(picture, "Joint 30° gy", {10, 30}, {.height = 20});
+  cv::Mat grey;
+  cv::extractChannel(picture, grey, 0);
+  const cv::Rect ink = cv::boundingRect(255 - grey);
+  EXPECT_GE(ink.y, 20);
+  EXPECT_LE(ink.y + ink.height, 40);
+  EXPECT_GE(ink.x, 10);
+  EXPECT_LE(ink.x + ink.width, 10 + TextWidth("Joint 30° gy", 20));
+  EXPECT_GE(ink.width, TextWidth("Joint 30° gy", 20) - 6);
+}
+
+TEST(Text, IsShortenedByWholeCharacters) {
+  const std::string text = "°°°°°°°°°°°°";
+  EXPECT_EQ(Shortened(text, TextWidth(text, 14), 14), text);
+  EXPECT_EQ(Shortened(text, TextWidth("°°°...", 14), 14), "°°°...");
+  EXPECT_EQ(Shortened(text, 0, 14), "...");
 }
 
 TEST(Picture, EnlargedRepeatsPixels) {

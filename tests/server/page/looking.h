@@ -11,6 +11,7 @@
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -20,8 +21,9 @@
 
 namespace silhouette {
 
-inline std::unique_ptr<CellPage> StartPage(TestServer& test) {
-  auto page = CellPage::Start("127.0.0.1:0", /*insecure=*/false, test.server->serving());
+inline std::unique_ptr<CellPage> StartPage(TestServer& test,
+                                           std::optional<Role> role = std::nullopt) {
+  auto page = CellPage::Start("127.0.0.1:0", /*insecure=*/false, test.server->serving(), role);
   EXPECT_TRUE(page.ok()) << page.status();
   return *std::move(page);
 }

@@ -57,6 +57,14 @@ TEST_F(PageTest, ShowsTheMapThatTheApiReturns) {
   EXPECT_EQ(now["present"]["state"], "free");
 }
 
+TEST_F(PageTest, UnitsOfJointsAreThoseOfTheModel) {
+  EXPECT_EQ(SeenOn(*page)["units"], json({"", "rad"})) << "only a turning joint is continuous";
+  ServingSettings settings;
+  settings.joint_slides = {{"a", true}, {"b", false}};
+  TestServer known(NewDatabase({.index = true}), settings);
+  EXPECT_EQ(SeenOn(*StartPage(known))["units"], json({"m", "rad"}));
+}
+
 TEST_F(PageTest, WithoutASceneAllIsUnknown) {
   const json now = SeenOn(*page);
   EXPECT_EQ(now["blocked"], "no scene");
@@ -187,7 +195,7 @@ TEST_F(PageTest, OtherSitesAndOtherMethodsAreRefused) {
 
 TEST_F(PageTest, OnlyItsOwnFilesRunInTheBrowser) {
   httplib::Client client("http://" + page->address());
-  for (const char* path : {"/", "/page.js", "/page.css", "/nothing"}) {
+  for (const char* path : {"/", "/page.js", "/regions.js", "/page.css", "/nothing"}) {
     const auto answer = client.Get(path);
     EXPECT_THAT(answer->get_header_value("Content-Security-Policy"),
                 testing::AllOf(testing::HasSubstr("default-src 'none'"),

@@ -664,6 +664,8 @@ TEST(Cell, MaxMoveCountsJointsThatMimic) {
   // The finger's 0.5 m alone would take eleven steps.
   EXPECT_GT(cell->grid.joints()[0].steps, 12);
   EXPECT_LE(cell->grid_move, 0.05);
+  EXPECT_TRUE(cell->joint_slides.at("left"));
+  EXPECT_FALSE(cell->joint_slides.at("joint1"));
 }
 
 TEST(Cell, MistakesAreToldWithLineAndMend) {

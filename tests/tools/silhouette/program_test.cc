@@ -20,6 +20,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
+using ::testing::StartsWith;
 
 class Silhouette : public testing::Test {
  protected:
@@ -57,7 +58,10 @@ TEST_F(Silhouette, BeforeTheFirstSceneNothingIsFree) {
   const Json no_path = Json::parse(ContentOf(cell_.shell().folder() / "path.json"));
   EXPECT_EQ(no_path["waypoints"], Json::array()) << "a path of an earlier plan must not stay";
   EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 2);
-  EXPECT_EQ(cell_.Run("explain 0.1,0.2").exit_code, 1);
+  EXPECT_EQ(cell_.Run("explain 0.1,0.2 --out unknown").exit_code, 1);
+  EXPECT_FALSE(
+      cv::imread((cell_.shell().folder() / "unknown" / "explanation.png").string()).empty())
+      << "the sheet says why";
   const Ended show = cell_.Run("scene show");
   EXPECT_EQ(show.exit_code, 2);
   EXPECT_THAT(show.err, HasSubstr("scene"));
@@ -70,7 +74,9 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   EXPECT_EQ(cell_.Run("check 0,0 0.6,0.2").exit_code, 1);
   EXPECT_EQ(cell_.Run("check 5,5").exit_code, 1) << "outside the grid";
   EXPECT_THAT(cell_.Run("check 5,5").out, Not(HasSubstr("degrees")));
-  EXPECT_THAT(cell_.Run("check 90,0").out, HasSubstr("did you mean degrees?"));
+  for (const char* command : {"check 90,0", "explain 90,0"}) {
+    EXPECT_THAT(cell_.Run(command).out, HasSubstr("did you mean degrees?")) << command;
+  }
   const Json answer = RunJson("check 0,0 0.6,0.2 --repeat 5", 1);
   EXPECT_EQ(answer["scene_id"], 1);
   EXPECT_EQ(answer["all_free"], false);
@@ -389,6 +395,16 @@ TEST_F(Silhouette, ExplainTellsTheVotesAndWritesTheImages) {
   }
   EXPECT_GT(cv::imread((cell_.shell().folder() / "why" / "explanation.png").string()).cols, 500);
   EXPECT_EQ(cell_.Run("explain 0,0.5").exit_code, 0);
+  EXPECT_EQ(cell_.Run("explain 0.6,0.2 --images nowhere").exit_code, 2) << "a picture needs --out";
+  EXPECT_THAT(cell_.Run("explain 0.6,0.2 --out why --images nowhere").err, HasSubstr("nowhere"));
+}
+
+TEST_F(Silhouette, AnswersAreInDegreesWhereTheQuestionIs) {
+  PublishWall();
+  EXPECT_THAT(cell_.Run("check 34.4deg,0.2 0.6,0.2").out,
+              AllOf(StartsWith("34.4deg,0.2: occupied"), HasSubstr("\n0.6,0.2: occupied")));
+  EXPECT_THAT(cell_.Run("check --degrees 34.4,0.2rad").out, StartsWith("34.4deg,0.2rad: occupied"));
+  EXPECT_THAT(cell_.Run("explain 34.4deg,0.2").out, StartsWith("34.4deg,0.2 is occupied"));
 }
 
 TEST_F(Silhouette, RegionIsAllowedListedNamedAndRevoked) {

@@ -486,11 +486,11 @@ Json JsonOf(const Configuration& configuration, const client::Explanation& expla
   return json;
 }
 
-std::string TextOf(const Configuration& configuration, const client::Explanation& explanation) {
+std::string TextOf(const std::string& configuration, const std::string& hint,
+                   const client::Explanation& explanation) {
   const client::Verdict& verdict = explanation.verdict;
-  const std::string text =
-      absl::StrCat(Spoken(configuration), " is ", Spoken(verdict, explanation.basis), "\n",
-                   Spoken(explanation.basis), "\n");
+  const std::string text = absl::StrCat(configuration, " is ", Spoken(verdict, explanation.basis),
+                                        hint, "\n", Spoken(explanation.basis), "\n");
   if (verdict.views.empty()) return text;
   Table table{.headings = {"pixels inside the robot", "obstacle", "unknown", "error"}};
   for (const client::ViewEvidence& view : verdict.views) {

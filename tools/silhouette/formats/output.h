@@ -57,9 +57,10 @@ Json JsonOf(const v1::AllowedRegion& region);
 // The answer to `silhouette path`.
 std::string TextOf(const client::PathCheck& check);
 
-// The answer to `silhouette explain`.
+// The answer to `silhouette explain`. `hint` follows the verdict.
 Json JsonOf(const Configuration& configuration, const client::Explanation& explanation);
-std::string TextOf(const Configuration& configuration, const client::Explanation& explanation);
+std::string TextOf(const std::string& configuration, const std::string& hint,
+                   const client::Explanation& explanation);
 
 // Writes number, joint values and state of every configuration: CSV if the name ends in .csv, else
 // JSON.

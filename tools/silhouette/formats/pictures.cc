@@ -25,7 +25,8 @@ Picture Decoded(const std::string& bytes) {
   return buffer.empty() ? Picture() : cv::imdecode(buffer, cv::IMREAD_COLOR);
 }
 
-constexpr int kColumnWidth = 320;  // pixels
+constexpr int kColumnWidth = 320;   // pixels
+constexpr int kPictureWidth = 256;  // pixels, on the sheet of an explanation
 
 absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(file));
@@ -36,10 +37,9 @@ absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
   return picture;
 }
 
-// Stretched to the column's width and `height`, pixels as rectangles.
-Picture Stretched(const Picture& picture, int height, int interpolation) {
+Picture Stretched(const Picture& picture, cv::Size size, int interpolation) {
   Picture stretched;
-  cv::resize(picture, stretched, cv::Size(kColumnWidth, height), 0, 0, interpolation);
+  cv::resize(picture, stretched, size, 0, 0, interpolation);
   return stretched;
 }
 
@@ -68,9 +68,9 @@ absl::StatusOr<ViewColumn> ColumnOf(const v1::SceneView& view,
     shape = static_cast<double>(camera.rows) / camera.cols;
     column.camera = camera;
   }
-  const int height = std::max(1, static_cast<int>(kColumnWidth * shape));
-  if (!column.camera.empty()) column.camera = Stretched(column.camera, height, cv::INTER_AREA);
-  column.scene = Stretched(PictureOf(scene), height, cv::INTER_NEAREST);
+  const cv::Size size(kColumnWidth, std::max(1, static_cast<int>(kColumnWidth * shape)));
+  if (!column.camera.empty()) column.camera = Stretched(column.camera, size, cv::INTER_AREA);
+  column.scene = Stretched(PictureOf(scene), size, cv::INTER_NEAREST);
   Picture obstacle = PictureOfPlanes(client::FromMessage(view.obstacle()), unknown,
                                      client::FromMessage(view.error()));
   if (view.has_ignored()) {
@@ -79,11 +79,9 @@ absl::StatusOr<ViewColumn> ColumnOf(const v1::SceneView& view,
       obstacle = WithVeil(obstacle, ignored & unknown, palette::kIgnored, 1);
     }
   }
-  column.obstacle = Stretched(obstacle, height, cv::INTER_NEAREST);
+  column.obstacle = Stretched(obstacle, size, cv::INTER_NEAREST);
   return column;
 }
-
-constexpr int kPictureWidth = 256;  // pixels, on the sheet of an explanation
 
 // One image of a view, and what it is called.
 struct NamedPng {
@@ -98,10 +96,40 @@ std::vector<NamedPng> ExplainImagesOf(const client::ViewPictures& view) {
           {"collision", view.collision_png}};
 }
 
-Picture LargePicture(const std::string& png) {
-  const Picture picture = Decoded(png);
-  if (picture.empty()) return BlankPicture(kPictureWidth, kPictureWidth);
-  return Enlarged(picture, std::max(1, kPictureWidth / picture.cols));
+// Around the pixels of a mask that is stretched to the whole of the picture.
+void DrawOutline(Picture& picture, const std::optional<Mask>& mask) {
+  if (!mask) return;
+  cv::Mat stretched;
+  cv::resize(MaskImage(*mask), stretched, picture.size(), 0, 0, cv::INTER_NEAREST);
+  std::vector<std::vector<cv::Point>> outlines;
+  cv::findContours(stretched, outlines, cv::RETR_LIST, cv::CHAIN_APPROX_NONE);
+  cv::drawContours(picture, outlines, -1, BgrOf(palette::kPaper), 3);
+  cv::drawContours(picture, outlines, -1, BgrOf(palette::kRobot), 1);
+}
+
+// The row of a view on the sheet of an explanation.
+absl::StatusOr<std::vector<CaptionedPicture>> RowOf(const client::ViewPictures& view,
+                                                    const ExplanationNotes& notes) {
+  const auto shape = notes.shapes.find(view.view);
+  const double of_camera = shape == notes.shapes.end() ? 1 : shape->second;
+  const cv::Size size(kPictureWidth, std::max(1, static_cast<int>(kPictureWidth * of_camera)));
+  std::vector<CaptionedPicture> row;
+  const auto add = [&](const Picture& picture, const std::string& name, int interpolation) {
+    Picture shown = picture.empty() ? BlankPicture(size.width, size.height)
+                                    : Stretched(picture, size, interpolation);
+    DrawOutline(shown, view.robot);
+    const std::string what = picture.empty() ? "no " + name : name;
+    row.push_back({shown, absl::StrCat(view.view, ": ", what, " image")});
+  };
+  if (!notes.cameras.empty()) {
+    Picture camera;
+    if (const auto file = notes.cameras.find(view.view); file != notes.cameras.end()) {
+      ASSIGN_OR_RETURN(camera, ReadCameraImage(file->second));
+    }
+    add(camera, "camera", cv::INTER_AREA);
+  }
+  for (const auto& [name, png] : ExplainImagesOf(view)) add(Decoded(png), name, cv::INTER_NEAREST);
+  return row;
 }
 
 constexpr double kTurn = 2 * std::numbers::pi;
@@ -235,28 +263,34 @@ absl::StatusOr<Picture> PictureOfScene(const v1::Scene& scene,
   return ContactSheet(pictures, options);
 }
 
-absl::Status WriteExplanation(const client::Explanation& explanation, const std::string& folder) {
+absl::Status WriteExplanation(const client::Explanation& explanation, const ExplanationNotes& notes,
+                              const std::string& folder) {
   RETURN_IF_ERROR(MakeFolder(folder));
   std::vector<CaptionedPicture> sheet;
   for (const client::ViewPictures& view : explanation.views) {
+    ASSIGN_OR_RETURN(const std::vector<CaptionedPicture> row, RowOf(view, notes));
+    sheet.insert(sheet.end(), row.begin(), row.end());
     for (const auto& [name, png] : ExplainImagesOf(view)) {
-      sheet.push_back({LargePicture(png), absl::StrCat(view.view, ": ", name, " image")});
       if (png.empty()) continue;
       const std::filesystem::path file =
           std::filesystem::path(folder) / absl::StrCat(view.view, "_", name, ".png");
       RETURN_IF_ERROR(WriteWholeFile(file.string(), png));
     }
   }
-  if (sheet.empty()) return absl::OkStatus();
-  const SheetOptions options{.title = absl::StrCat("Verdict: ", NameOf(explanation.verdict.state)),
-                             .columns = 4,
-                             .legend = {{palette::kInk, "foreground"},
-                                        {palette::kBackground, "background"},
-                                        {palette::kObstacle, "obstacle"},
-                                        {palette::kUnknown, "unknown"},
-                                        {palette::kError, "error"},
-                                        {palette::kAllowed, "allowed region (unknown)"},
-                                        {palette::kIgnored, "ignored (unknown)"}}};
+  SheetOptions options{.title = absl::StrCat("Verdict: ", NameOf(explanation.verdict.state)),
+                       .lines = notes.lines,
+                       .columns = notes.cameras.empty() ? 4 : 5,
+                       .legend = {}};
+  if (!sheet.empty()) {
+    options.legend = {{palette::kRobot, "tested robot (outline)"},
+                      {palette::kInk, "foreground"},
+                      {palette::kBackground, "background"},
+                      {palette::kObstacle, "obstacle"},
+                      {palette::kUnknown, "unknown"},
+                      {palette::kError, "error"},
+                      {palette::kAllowed, "allowed region (unknown)"},
+                      {palette::kIgnored, "ignored (unknown)"}};
+  }
   return WritePng((std::filesystem::path(folder) / "explanation.png").string(),
                   ContactSheet(sheet, options));
 }

@@ -20,9 +20,19 @@ namespace silhouette {
 absl::StatusOr<Picture> PictureOfScene(const v1::Scene& scene,
                                        const std::map<std::string, std::string>& cameras);
 
+// What stands on the sheet of an explanation beside its images.
+struct ExplanationNotes {
+  std::vector<std::string> lines;              // under the verdict
+  std::map<std::string, double> shapes;        // view -> height / width of its camera images
+  std::map<std::string, std::string> cameras;  // view -> file of the camera image
+};
+
 // Writes the images of an explanation into a folder: a file per view and image, and
-// explanation.png with all of them on one sheet.
-absl::Status WriteExplanation(const client::Explanation& explanation, const std::string& folder);
+// explanation.png: a row per view, in the shape of its camera images, with the outline of the
+// tested robot. Without a scene the sheet has words alone. Errors: of files, and InvalidArgument if
+// one of `cameras` is no image.
+absl::Status WriteExplanation(const client::Explanation& explanation, const ExplanationNotes& notes,
+                              const std::string& folder);
 
 // The configuration space of two joints as a chart (Figure 8).
 // InvalidArgument if the grid has not two joints. Axes in degrees. With clearance levels free cells

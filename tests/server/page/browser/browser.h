@@ -5,10 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "tests/running_program.h"
@@ -63,7 +65,53 @@ class Browser {
         .get<std::string>();
   }
 
+  // Drags the mouse from one place of an element to another: shares of its width and height.
+  struct Place {
+    double x = 0;
+    double y = 0;
+  };
+  void Drag(const std::string& selector, Place from, Place to) {
+    const std::string found = "document.querySelector(" + nlohmann::json(selector).dump() + ")";
+    const nlohmann::json box = Run("const found = " + found +
+                                   "; found.scrollIntoView({block: 'center'});"
+                                   "const box = found.getBoundingClientRect();"
+                                   "return [box.left, box.top, box.width, box.height];");
+    const auto move = [&](Place to_place) {
+      return nlohmann::json{
+          {"type", "pointerMove"},
+          {"origin", "viewport"},
+          {"duration", 50},
+          {"x", std::lround(box[0].get<double>() + to_place.x * box[2].get<double>())},
+          {"y", std::lround(box[1].get<double>() + to_place.y * box[3].get<double>())}};
+    };
+    Act({{"type", "pointer"},
+         {"id", "mouse"},
+         {"parameters", {{"pointerType", "mouse"}}},
+         {"actions",
+          {move(from),
+           {{"type", "pointerDown"}, {"button", 0}},
+           move(to),
+           {{"type", "pointerUp"}, {"button", 0}}}}});
+  }
+
+  // Presses and releases keys, by their codes in WebDriver, while `held` is down if not empty.
+  void Press(const std::vector<std::string>& keys, const std::string& held = "") {
+    nlohmann::json actions = nlohmann::json::array();
+    const auto add = [&](const char* type, const std::string& key) {
+      actions.push_back({{"type", type}, {"value", key}});
+    };
+    if (!held.empty()) add("keyDown", held);
+    for (const std::string& key : keys) {
+      add("keyDown", key);
+      add("keyUp", key);
+    }
+    if (!held.empty()) add("keyUp", held);
+    Act({{"type", "key"}, {"id", "keyboard"}, {"actions", actions}});
+  }
+
  private:
+  void Act(const nlohmann::json& source) { Post(session_ + "/actions", {{"actions", {source}}}); }
+
   nlohmann::json Post(const std::string& path, const nlohmann::json& body) {
     const auto answer = client_->Post(path, body.dump(), "application/json");
     if (!answer) {

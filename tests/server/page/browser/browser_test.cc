@@ -21,9 +21,11 @@ using testing::StartsWith;
 
 constexpr char kHostileName[] = "<img src=x onerror=document.title='run'>";
 
+// The camera images of the view 'top' are wider than its masks.
 std::shared_ptr<const ServedDatabase> HostileDatabase() {
   TestDatabase test{.index = true};
   test.cell.set_name(kHostileName);
+  test.cell.mutable_views(2)->set_image_width(80);
   return NewDatabase(test);
 }
 
@@ -165,6 +167,133 @@ TEST_F(BrowserTest, ALostConnectionSaysSo) {
   EXPECT_EQ(browser->Text("#free"), "–");
   browser->Open("about:blank");
   page = StartPage(test);
+}
+
+// With a page that may allow regions.
+class BrowserRegions : public BrowserTest {
+ protected:
+  BrowserRegions() {
+    page = StartPage(test, Role::kOperator);
+    browser->Open("http://" + page->address() + "/");
+    EXPECT_TRUE(Shows("#status", std::string("Serving")));
+    EXPECT_TRUE(Soon([&] { return !Hidden("#region-tools"); }));
+    Click("#region-draw");
+  }
+
+  void Click(const std::string& selector) {
+    browser->Run("document.querySelector(" + nlohmann::json(selector).dump() + ").click();");
+  }
+  bool Hidden(const std::string& selector) {
+    return browser
+        ->Run("return document.querySelector(" + nlohmann::json(selector).dump() + ").hidden;")
+        .get<bool>();
+  }
+  // From one mask pixel to another, near their outer corners.
+  void DragPixels(int view, MaskSize size, int left, int top, int right, int bottom) {
+    const std::string& name = kViewNames[static_cast<size_t>(view)];
+    browser->Drag("figure[data-view=" + name + "] canvas.region",
+                  {(left + 0.2) / size.width, (top + 0.2) / size.height},
+                  {(right + 0.8) / size.width, (bottom + 0.8) / size.height});
+  }
+  // The mask pixels whose middles have colour in a view's overlay.
+  Mask Coloured(int view) {
+    const auto i = static_cast<size_t>(view);
+    const nlohmann::json alphas = browser->Run(
+        absl::StrCat("const canvas = document.querySelector('figure[data-view=", kViewNames[i],
+                     "] canvas.region'), context = canvas.getContext('2d'), found = [];"
+                     "for (let y = 0; y < ",
+                     kViewSizes[i].height, "; ++y) for (let x = 0; x < ", kViewSizes[i].width,
+                     "; ++x) found.push(context.getImageData((x + 0.5) / ", kViewSizes[i].width,
+                     " * canvas.width, (y + 0.5) / ", kViewSizes[i].height,
+                     " * canvas.height, 1, 1).data[3]); return found;"));
+    return Mask::FromPredicate(kViewSizes[i], [&](int x, int y) {
+      return alphas[static_cast<size_t>(y * kViewSizes[i].width + x)] > 0;
+    });
+  }
+  void AllowDrawn() {
+    EXPECT_TRUE(Soon([&] { return browser->Run("return !$('region-next').disabled;") == true; }));
+    Click("#region-next");
+    said = browser->Text("#region-meaning");
+    Click("#region-allow");
+    EXPECT_TRUE(Shows("#region-list .left", StartsWith("ends in ")));
+  }
+  v1::ListAllowedRegionsResponse Listed() {
+    return test.Ask(&v1::SceneService::Stub::ListAllowedRegions, v1::ListAllowedRegionsRequest());
+  }
+
+  const Scenes scenes{test, SceneWithBlock(2)};
+  std::string said;  // what was confirmed
+};
+
+Mask Rectangle(MaskSize size, int left, int top, int right, int bottom) {
+  return Mask::FromPredicate(
+      size, [=](int x, int y) { return x >= left && x <= right && y >= top && y <= bottom; });
+}
+
+TEST_F(BrowserRegions, ADrawnRegionIsExactlyThatOfTheApi) {
+  DragPixels(0, kViewSizes[0], 3, 2, 7, 6);
+  DragPixels(2, kViewSizes[2], 8, 9, 4, 4);  // from its lower right corner, to the image's rim
+  const Mask left = Rectangle(kViewSizes[0], 3, 2, 7, 6);
+  const Mask top = Rectangle(kViewSizes[2], 4, 4, 8, 9);
+  EXPECT_EQ(Coloured(0), left);
+  EXPECT_EQ(Coloured(2), top);
+  AllowDrawn();
+  EXPECT_THAT(said, testing::AllOf(HasSubstr("not seen in: left (25 pixels), top (30 pixels)"),
+                                   HasSubstr("for 30 s"), testing::ContainsRegex("Until [0-9:]+"),
+                                   HasSubstr("A person inside is not seen")));
+  const v1::ListAllowedRegionsResponse listed = Listed();
+  ASSERT_EQ(listed.regions_size(), 1);
+  EXPECT_EQ(listed.regions(0).name(), "region");
+  ASSERT_EQ(listed.regions(0).views_size(), 2);
+  EXPECT_EQ(listed.regions(0).views(0).view(), "left");
+  EXPECT_EQ(listed.regions(0).views(0).mask().bits(), left.ToBytes());
+  EXPECT_EQ(listed.regions(0).views(1).view(), "top");
+  EXPECT_EQ(listed.regions(0).views(1).mask().bits(), top.ToBytes());
+}
+
+TEST_F(BrowserRegions, ARegionCountsDownAndIsRevoked) {
+  DragPixels(0, kViewSizes[0], 3, 2, 3, 2);
+  AllowDrawn();
+  ASSERT_EQ(Listed().regions_size(), 1);
+  EXPECT_TRUE(Shows("#region-list .left", std::string("ends in 0:28")));
+  EXPECT_TRUE(Hidden("#region-form")) << "nothing more is drawn";
+  Click("#region-list button");
+  EXPECT_TRUE(Shows("#region-list", HasSubstr("None is in force")));
+  EXPECT_EQ(Listed().regions_size(), 0);
+}
+
+TEST_F(BrowserRegions, TheKeyboardDrawsARegion) {
+  const std::string right = "\uE014";
+  const std::string down = "\uE015";
+  browser->Run("document.querySelector('figure[data-view=top] canvas.region').focus();");
+  browser->Press({right});  // in the middle
+  browser->Press({right, right, down});
+  browser->Press({right, down, down}, /*held=*/"\uE008");
+  const Mask drawn = Rectangle(kViewSizes[2], 5, 4, 9, 9);
+  EXPECT_EQ(Coloured(2), drawn);
+  AllowDrawn();
+  ASSERT_EQ(Listed().regions_size(), 1);
+  EXPECT_EQ(Listed().regions(0).views(0).mask().bits(), drawn.ToBytes());
+}
+
+TEST_F(BrowserRegions, WhatTheServerRefusesIsSaid) {
+  DragPixels(0, kViewSizes[0], 3, 2, 3, 2);
+  for (int i = 0; i < 64; ++i) test.Allow(absl::StrCat("region ", i), 2, absl::Seconds(60));
+  EXPECT_TRUE(Soon([&] { return browser->Run("return !$('region-next').disabled;") == true; }));
+  Click("#region-next");
+  Click("#region-allow");
+  EXPECT_TRUE(Shows("#region-error", HasSubstr("there are 64 allowed regions; revoke one")));
+}
+
+TEST_F(BrowserTest, WithoutARoleNoRegionCanBeDrawn) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#region-list", HasSubstr("read-only")));
+  EXPECT_EQ(browser->Run("return $('region-tools').hidden;"), true);
+  EXPECT_EQ(browser->Run("return document.querySelectorAll('[tabindex] canvas.region').length;"),
+            0);
+  test.Allow("part", 2, absl::Seconds(10));
+  EXPECT_TRUE(Shows("#region-list .left", StartsWith("ends in 0:")));
+  EXPECT_EQ(browser->Run("return document.querySelectorAll('#region-list button').length;"), 0);
 }
 
 TEST_F(BrowserTest, TextsAreNeverMarkup) {

@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 #include "common/picture/palette.h"
 #include "tests/shell.h"
+#include "tests/test_folder.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
@@ -221,6 +224,38 @@ TEST(SpacePicture, FreeCellsAreShadedByTheLevelThatTheyExceed) {
                                  "above 2.5 px"));
   EXPECT_EQ(chart->classes[2].colour, palette::kTight);
   EXPECT_EQ(chart->classes[4].colour, palette::kFree);
+}
+
+// Where a picture has a colour: its first and last column and row.
+cv::Rect Extent(const cv::Mat& picture, Colour colour) {
+  cv::Mat mask;
+  cv::inRange(picture, BgrOf(colour), BgrOf(colour), mask);
+  return cv::boundingRect(mask);
+}
+
+TEST(ExplanationPicture, HasTheRobotsOutlineInTheShapeOfTheCameraImage) {
+  const auto folder = FreshFolder();
+  cv::imwrite((folder / "camera.png").string(), cv::Mat(90, 160, CV_8UC3, cv::Scalar(9, 9, 9)));
+  client::Explanation explanation;
+  explanation.verdict.state = client::State::kOccupied;
+  client::ViewPictures& view = explanation.views.emplace_back();
+  view.view = "top";
+  // The right lower quarter of a square mask.
+  view.robot = Mask::FromPredicate({16, 16}, [](int x, int y) { return x >= 8 && y >= 8; });
+  ExplanationNotes notes{.lines = {"Configuration: 30deg"},
+                         .shapes = {{"top", 9.0 / 16}},
+                         .cameras = {{"top", (folder / "camera.png").string()}}};
+  ASSERT_TRUE(WriteExplanation(explanation, notes, folder.string()).ok());
+  const cv::Mat sheet = cv::imread((folder / "explanation.png").string());
+  const cv::Rect camera = Extent(sheet, {9, 9, 9});
+  EXPECT_NEAR(camera.width, 256, 1);
+  EXPECT_NEAR(camera.height, 144, 1);
+  const cv::Rect outline = Extent(sheet(camera), palette::kRobot);
+  EXPECT_NEAR(outline.x, 128, 1);
+  EXPECT_NEAR(outline.y, 72, 1);
+
+  notes.cameras["top"] = (folder / "nothing.png").string();
+  EXPECT_FALSE(WriteExplanation(explanation, notes, folder.string()).ok());
 }
 
 TEST(SpacePicture, NeedsTwoJoints) {
