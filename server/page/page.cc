@@ -20,8 +20,11 @@
 #include <thread>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/time.h"
+#include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
 #include "server/page/snapshot.h"
 #include "server/page/templates.h"
@@ -163,11 +166,35 @@ httplib::Headers SecurityHeaders() {
           {"Cache-Control", "no-store"}};
 }
 
+std::string HtmlText(const std::string& in_header) {
+  return absl::StrReplaceAll(templates::page_html, {{"<!-- replay -->", in_header}});
+}
+
+// Whether another site asks; refused then.
+bool RefusesOthers(const httplib::Request& request, httplib::Response& response) {
+  if (request.get_header_value("Sec-Fetch-Site") != "cross-site") return false;
+  Refuse(response, 403, "Another site asks.");
+  return true;
+}
+
+// Nothing: refused.
+std::optional<SliceChoice> ChoiceIn(const httplib::Request& request, httplib::Response& response) {
+  const absl::StatusOr<SliceChoice> choice = SliceChoiceFrom(
+      request.get_param_value("x"), request.get_param_value("y"), request.get_param_value("at"));
+  if (choice.ok()) return *choice;
+  Refuse(response, 400, std::string(choice.status().message()));
+  return std::nullopt;
+}
+
+std::string TextOf(const nlohmann::json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 }  // namespace
 
 struct CellPage::Http {
-  explicit Http(Serving& the_serving)
-      : serving(the_serving), changes(std::make_shared<Changes>(serving)) {
+  // The files of the page. `in_header`: what its header has for a recording.
+  explicit Http(const std::string& in_header) {
     server.new_task_queue = [] { return new BoundedThreads(); };
     server.set_socket_options([](int socket) {
       const int yes = 1;
@@ -186,29 +213,52 @@ struct CellPage::Http {
           Refuse(response, 421, "Open this page by a numeric address or as localhost.");
           return httplib::Server::HandlerResponse::Handled;
         });
-    const auto file = [this](const char* path, const char* text, const char* type) {
-      server.Get(path, [text, type](const httplib::Request&, httplib::Response& response) {
-        response.set_content(text, type);
-      });
-    };
-    file("/", templates::page_html, "text/html; charset=utf-8");
-    file("/page.css", templates::page_css, "text/css; charset=utf-8");
-    file("/page.js", templates::page_js, "text/javascript; charset=utf-8");
+    File("/", HtmlText(in_header), "text/html; charset=utf-8");
+    File("/page.css", templates::page_css, "text/css; charset=utf-8");
+    File("/page.js", templates::page_js, "text/javascript; charset=utf-8");
     server.Get("/favicon.ico",
                [](const httplib::Request&, httplib::Response& response) { response.status = 204; });
-    server.Get("/events", [this](const httplib::Request& request, httplib::Response& response) {
-      Stream(request, response);
-    });
   }
 
   ~Http() {
-    changes->End();
+    if (changes != nullptr) changes->End();
     server.stop();
     if (thread.joinable()) thread.join();
   }
 
+  void File(const std::string& path, const std::string& text, const char* type) {
+    server.Get(path, [text, type](const httplib::Request&, httplib::Response& response) {
+      response.set_content(text, type);
+    });
+  }
+
+  void Show(Serving& serving) {
+    changes = std::make_shared<Changes>(serving);
+    server.Get("/events",
+               [this, &serving](const httplib::Request& request, httplib::Response& response) {
+                 Stream(serving, request, response);
+               });
+  }
+
+  void Show(const Replay& replay) {
+    File("/replay.js", templates::replay_js, "text/javascript; charset=utf-8");
+    server.Get("/recording",
+               [&replay](const httplib::Request& request, httplib::Response& response) {
+                 if (RefusesOthers(request, response)) return;
+                 response.set_content(TextOf(replay.TimeLine()), "application/json");
+               });
+    server.Get("/moment", [&replay](const httplib::Request& request, httplib::Response& response) {
+      if (RefusesOthers(request, response)) return;
+      int64_t time = 0;
+      if (!absl::SimpleAtoi(request.get_param_value("time"), &time)) {
+        return Refuse(response, 400, "time is in milliseconds since 1970");
+      }
+      const std::optional<SliceChoice> choice = ChoiceIn(request, response);
+      if (choice) response.set_content(TextOf(replay.At(time, *choice)), "application/json");
+    });
+  }
+
   void Listen() {
-    serving.watches.Add(changes);
     thread = std::thread([this] {
       // The threads that it starts are as nice as it.
       setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
@@ -218,13 +268,10 @@ struct CellPage::Http {
   }
 
   // Server-sent events: a snapshot each.
-  void Stream(const httplib::Request& request, httplib::Response& response) {
-    if (request.get_header_value("Sec-Fetch-Site") == "cross-site") {
-      return Refuse(response, 403, "Another site asks.");
-    }
-    const absl::StatusOr<SliceChoice> choice = SliceChoiceFrom(
-        request.get_param_value("x"), request.get_param_value("y"), request.get_param_value("at"));
-    if (!choice.ok()) return Refuse(response, 400, std::string(choice.status().message()));
+  void Stream(Serving& serving, const httplib::Request& request, httplib::Response& response) {
+    if (RefusesOthers(request, response)) return;
+    const std::optional<SliceChoice> choice = ChoiceIn(request, response);
+    if (!choice) return;
     if (streams.fetch_add(1) >= kMostStreams) {
       --streams;
       return Refuse(response, 503, "As many look at this page as may.");
@@ -233,8 +280,8 @@ struct CellPage::Http {
         absl::ToChronoMilliseconds(serving.settings.map_time) + kAfterMapTime;
     response.set_chunked_content_provider(
         "text/event-stream",
-        [this, choice = *choice, settle, last = Changes::News()](size_t,
-                                                                 httplib::DataSink& sink) mutable {
+        [this, &serving, choice = *choice, settle, last = Changes::News()](
+            size_t, httplib::DataSink& sink) mutable {
           const std::optional<Changes::News> news = changes->Wait(last, settle);
           if (!news) {
             sink.done();
@@ -243,16 +290,15 @@ struct CellPage::Http {
           last = *news;
           ++snapshots;
           const std::string event = absl::StrCat(
-              "data: {\"stops\":",
-              changes->Stops().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
-              ",\"now\":", SnapshotText(serving, choice), "}\n\n");
+              "data: ",
+              TextOf({{"stops", changes->Stops()}, {"now", PageSnapshot(serving, choice)}}),
+              "\n\n");
           return sink.write(event.data(), event.size());
         },
         [this](bool) { --streams; });
   }
 
-  Serving& serving;
-  const std::shared_ptr<Changes> changes;
+  std::shared_ptr<Changes> changes;  // null: of a recording
   std::atomic<int> streams = 0;
   std::atomic<uint64_t> snapshots = 0;
   httplib::Server server;
@@ -268,6 +314,25 @@ uint64_t CellPage::snapshots() const { return http_->snapshots; }
 
 absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
                                                           Serving& serving) {
+  auto http = std::make_unique<Http>(/*in_header=*/"");
+  http->Show(serving);
+  const std::shared_ptr<Changes> changes = http->changes;
+  ASSIGN_OR_RETURN(auto page, Listen(address, insecure, std::move(http)));
+  serving.watches.Add(changes);
+  if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
+  return page;
+}
+
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
+                                                          const Replay& replay) {
+  auto http = std::make_unique<Http>(templates::replay_html);
+  http->Show(replay);
+  return Listen(address, insecure, std::move(http));
+}
+
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Listen(const std::string& address,
+                                                           bool insecure,
+                                                           std::unique_ptr<Http> http) {
   if (address.starts_with("unix:")) {
     return absl::InvalidArgumentError(
         absl::StrCat("page address '", address, "': browsers ask over TCP; say 127.0.0.1:8080"));
@@ -284,7 +349,6 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
   const size_t colon = address.rfind(':');
   std::string host = address.substr(0, colon);
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  auto http = std::make_unique<Http>(serving);
   int port = std::stoi(address.substr(colon + 1));
   if (port == 0) {
     port = http->server.bind_to_any_port(host);
@@ -293,7 +357,6 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
   }
   if (port < 0)
     return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
-  if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
   http->Listen();
   return std::unique_ptr<CellPage>(
       new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
