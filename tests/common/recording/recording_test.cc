@@ -222,18 +222,29 @@ TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
   const auto scenes = (*recording)->summary().scenes.size();
   EXPECT_GT(scenes, 0u);
   EXPECT_LT(scenes, 50u);
-  // Changed after it was opened: never another scene.
+  // A changed byte is an error that names the file, if it does not cut it.
+  int errors = 0;
   const auto whole = Recording::Open(file);
-  ASSERT_TRUE(whole.ok());
-  {
+  for (uint64_t at = 50; at < size; at += 97) {
     std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekp(static_cast<std::streamoff>(100));
-    bytes << std::string(size / 2, 'x');
+    bytes.seekg(static_cast<std::streamoff>(at));
+    const auto byte = static_cast<char>(bytes.get());
+    const auto put = [&](char value) {
+      bytes.seekp(static_cast<std::streamoff>(at));
+      bytes.put(value).flush();
+    };
+    put(static_cast<char>(byte ^ 0x55));
+    const absl::Status damaged = Recording::Open(file).status();
+    if (!damaged.ok()) {
+      ++errors;
+      EXPECT_THAT(std::string(damaged.message()), HasSubstr(file));
+    }
+    // Changed after it was opened: never another scene.
+    const auto moment = (*whole)->At(After(2.05), absl::Seconds(1));
+    EXPECT_TRUE(!moment.ok() || moment->scene->id() == 21u);
+    put(byte);
   }
-  EXPECT_FALSE((*whole)->At(After(0.1), absl::Seconds(1)).ok());
-  const absl::Status damaged = Recording::Open(file).status();
-  EXPECT_FALSE(damaged.ok());
-  EXPECT_THAT(std::string(damaged.message()), HasSubstr(file));
+  EXPECT_GT(errors, 10);
 }
 
 }  // namespace
