@@ -191,7 +191,7 @@ TEST_F(RecordProgram, ServerInUseIsRefused) {
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
   });
-  const Ended ended = Replay(Files("recording-").at(0) + " --at 0.1s --to " + cell_.address());
+  const Ended ended = Replay(Files("recording-").at(0) + " --at 0.1s 0,0 --to " + cell_.address());
   end = true;
   publisher.join();
   EXPECT_EQ(ended.exit_code, 2);
