@@ -4,6 +4,7 @@
 #include <lz4frame.h>
 #include <zlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <system_error>
 
@@ -63,7 +64,7 @@ absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& 
 }
 
 McapReader::McapReader(std::string path, uint64_t size)
-    : path_(std::move(path)), in_(path_, std::ios::binary), left_(size) {}
+    : path_(std::move(path)), size_(size), in_(path_, std::ios::binary), left_(size) {}
 
 absl::Status McapReader::Damaged(std::string_view what) const {
   return absl::DataLossError(absl::StrCat(path_, ": ", std::string(what)));
@@ -71,6 +72,7 @@ absl::Status McapReader::Damaged(std::string_view what) const {
 
 absl::StatusOr<std::optional<Op>> McapReader::NextRecord() {
   std::string head(mcap::kRecordHead, '\0');
+  record_ = size_ - left_;
   cut_ = left_ < head.size();
   if (cut_) return std::nullopt;
   in_.read(head.data(), static_cast<std::streamsize>(head.size()));
@@ -97,16 +99,33 @@ absl::StatusOr<std::optional<McapReader::Message>> McapReader::Next() {
       if (*op == Op::kSchema) RETURN_IF_ERROR(TakeSchema(bytes_));
       if (*op == Op::kChannel) RETURN_IF_ERROR(TakeChannel(bytes_));
       if (*op == Op::kChunk) RETURN_IF_ERROR(TakeChunk(bytes_));
-      if (*op == Op::kMessage) return MessageFrom(bytes_);
+      if (*op == Op::kMessage) return MessageFrom(bytes_, {.record = record_});
       continue;
     }
+    const Place place{.record = record_, .in_chunk = chunk_.size() - in_chunk_.rest().size()};
     const std::optional<Record> record = TakeRecord(in_chunk_);
     if (!record) return Damaged("a record of a chunk goes beyond it");
     if (record->op == Op::kSchema) RETURN_IF_ERROR(TakeSchema(record->content));
     if (record->op == Op::kChannel) RETURN_IF_ERROR(TakeChannel(record->content));
-    if (record->op == Op::kMessage) return MessageFrom(record->content);
+    if (record->op == Op::kMessage) return MessageFrom(record->content, place);
   }
   return std::nullopt;
+}
+
+absl::StatusOr<McapReader::Message> McapReader::Read(const Place& place) {
+  if (chunk_record_ != place.record) {
+    in_.clear();
+    in_.seekg(static_cast<std::streamoff>(place.record));
+    left_ = size_ - place.record;
+    ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
+    if (op == Op::kMessage) return MessageFrom(bytes_, place);
+    if (op != Op::kChunk) return Damaged("it was changed while it was read");
+    RETURN_IF_ERROR(TakeChunk(bytes_));
+  }
+  Fields rest(std::string_view(chunk_).substr(std::min(chunk_.size(), place.in_chunk)));
+  const std::optional<Record> record = TakeRecord(rest);
+  if (!record || record->op != Op::kMessage) return Damaged("it was changed while it was read");
+  return MessageFrom(record->content, place);
 }
 
 absl::Status McapReader::TakeSchema(std::string_view content) {
@@ -153,15 +172,18 @@ absl::Status McapReader::TakeChunk(std::string_view content) {
   const uLong is = crc32_z(0, reinterpret_cast<const Bytef*>(chunk_.data()), chunk_.size());
   if (crc != 0 && crc != is) return Damaged("a chunk fails its checksum");
   in_chunk_ = Fields(chunk_);
+  chunk_record_ = record_;
   return absl::OkStatus();
 }
 
-absl::StatusOr<McapReader::Message> McapReader::MessageFrom(std::string_view content) const {
+absl::StatusOr<McapReader::Message> McapReader::MessageFrom(std::string_view content,
+                                                            const Place& place) const {
   Fields fields(content);
   const auto channel = channels_.find(fields.Take<uint16_t>());
   if (channel == channels_.end()) return Damaged("a message has no channel");
   fields.Take<uint32_t>();  // sequence
-  Message message{.channel = channel->second, .logged = {}, .published = {}, .data = {}};
+  Message message{
+      .channel = channel->second, .logged = {}, .published = {}, .place = place, .data = {}};
   message.logged = TimeOf(fields.Take<uint64_t>());
   message.published = TimeOf(fields.Take<uint64_t>());
   if (fields.failed()) return Damaged("a message is too short");

@@ -21,10 +21,16 @@ McapRotation::McapRotation(McapRotationSettings settings, std::vector<McapChanne
 }
 
 absl::Status McapRotation::Begin(absl::Time time) {
-  const std::string name =
-      absl::StrCat(settings_.prefix, "-",
-                   absl::FormatTime("%Y%m%dT%H%M%E3SZ", time, absl::UTCTimeZone()), ".mcap");
-  ASSIGN_OR_RETURN(writer_, McapWriter::Create(settings_.folder + "/" + name, channels_));
+  absl::StatusOr<std::unique_ptr<McapWriter>> writer = absl::AlreadyExistsError("");
+  for (absl::Time named = time; absl::IsAlreadyExists(writer.status());
+       named += absl::Milliseconds(1)) {
+    writer = McapWriter::Create(
+        absl::StrCat(settings_.folder, "/", settings_.prefix, "-",
+                     absl::FormatTime("%Y%m%dT%H%M%E3SZ", named, absl::UTCTimeZone()), ".mcap"),
+        channels_);
+  }
+  RETURN_IF_ERROR(writer.status());
+  writer_ = *std::move(writer);
   path_ = writer_->path();
   for (McapMessage& message : opening_()) {
     message.logged = time;
@@ -87,11 +93,15 @@ absl::Status EventExcerpts::Add(const McapMessage& message) {
     until_.reset();
     status = files_.Close();
   }
-  if (until_) return files_.Add(message);
+  if (until_) {
+    if (message.channel == standing_channel_) standing_ = message;
+    return files_.Add(message);
+  }
   kept_bytes_ += message.data.size();
   kept_.push_back(message);
   while (kept_.front().logged < message.logged - before_ || kept_bytes_ > kMostBytes) {
     kept_bytes_ -= kept_.front().data.size();
+    if (kept_.front().channel == standing_channel_) standing_ = std::move(kept_.front());
     kept_.pop_front();
     if (kept_.empty()) break;
   }
@@ -101,10 +111,25 @@ absl::Status EventExcerpts::Add(const McapMessage& message) {
 absl::Status EventExcerpts::Keep(absl::Time time) {
   until_ = time + after_;
   absl::Status first_error;
-  for (const McapMessage& message : kept_) first_error.Update(files_.Add(message));
+  if (standing_ && !kept_.empty()) {
+    standing_->logged = kept_.front().logged;
+    first_error.Update(files_.Add(*standing_));
+  }
+  for (McapMessage& message : kept_) {
+    first_error.Update(files_.Add(message));
+    if (message.channel == standing_channel_) standing_ = std::move(message);
+  }
   kept_.clear();
   kept_bytes_ = 0;
   return first_error;
+}
+
+absl::Status EventExcerpts::Close() {
+  until_.reset();
+  standing_.reset();
+  kept_.clear();
+  kept_bytes_ = 0;
+  return files_.Close();
 }
 
 }  // namespace silhouette

@@ -19,7 +19,8 @@ namespace silhouette {
 
 struct McapRotationSettings {
   std::string folder;
-  std::string prefix;  // files are PREFIX-20260131T120000.123Z.mcap
+  // Files are PREFIX-20260131T120000.123Z.mcap; of one millisecond, the later has the next one.
+  std::string prefix;
   // A file of this many bytes is ended, and the next one begins; above 0.
   uint64_t file_bytes = 0;
   // The number of files of this prefix that are kept, the one that is written included; above 0.
@@ -72,15 +73,18 @@ class McapRotation {
 // closely, has a file of its own, more if it becomes too large. Not thread-safe.
 class EventExcerpts {
  public:
-  EventExcerpts(McapRotation files, absl::Duration before, absl::Duration after)
-      : files_(std::move(files)), before_(before), after_(after) {}
+  // `standing`: a channel whose newest message holds until the next. What is kept before an event
+  // begins with that which held then.
+  EventExcerpts(McapRotation files, absl::Duration before, absl::Duration after, uint16_t standing)
+      : files_(std::move(files)), before_(before), after_(after), standing_channel_(standing) {}
 
   // Messages come in the order of their times.
   absl::Status Add(const McapMessage& message);
   // There is an event at the time of the newest message.
   absl::Status Keep(absl::Time time);
   absl::Status Flush() { return files_.Flush(); }
-  absl::Status Close() { return files_.Close(); }
+  // Ends the file, and forgets what is kept in memory.
+  absl::Status Close();
 
   const McapRotation& files() const { return files_; }
 
@@ -91,6 +95,8 @@ class EventExcerpts {
   McapRotation files_;
   const absl::Duration before_;
   const absl::Duration after_;
+  const uint16_t standing_channel_;
+  std::optional<McapMessage> standing_;  // the newest that is not in kept_
   std::deque<McapMessage> kept_;
   uint64_t kept_bytes_ = 0;
   std::optional<absl::Time> until_;  // while an excerpt is written

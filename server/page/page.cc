@@ -20,7 +20,9 @@
 #include <thread>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/time.h"
 #include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
@@ -196,11 +198,35 @@ httplib::Headers SecurityHeaders() {
           {"Cache-Control", "no-store"}};
 }
 
+std::string HtmlText(const std::string& in_header) {
+  return absl::StrReplaceAll(templates::page_html, {{"<!-- replay -->", in_header}});
+}
+
+// Whether another site asks; refused then.
+bool RefusesOthers(const httplib::Request& request, httplib::Response& response) {
+  if (request.get_header_value("Sec-Fetch-Site") != "cross-site") return false;
+  Refuse(response, 403, "Another site asks.");
+  return true;
+}
+
+// Nothing: refused.
+std::optional<SliceChoice> ChoiceIn(const httplib::Request& request, httplib::Response& response) {
+  const absl::StatusOr<SliceChoice> choice = SliceChoiceFrom(
+      request.get_param_value("x"), request.get_param_value("y"), request.get_param_value("at"));
+  if (choice.ok()) return *choice;
+  Refuse(response, 400, std::string(choice.status().message()));
+  return std::nullopt;
+}
+
+std::string TextOf(const nlohmann::json& json) {
+  return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+}
+
 }  // namespace
 
 struct CellPage::Http {
-  Http(Serving& the_serving, std::optional<Role> the_role)
-      : serving(the_serving), role(the_role), changes(std::make_shared<Changes>(serving)) {
+  // The files of the page. `in_header`: what its header has for a recording.
+  explicit Http(const std::string& in_header) {
     server.new_task_queue = [] { return new BoundedThreads(); };
     server.set_socket_options([](int socket) {
       const int yes = 1;
@@ -222,37 +248,66 @@ struct CellPage::Http {
           }
           return httplib::Server::HandlerResponse::Handled;
         });
-    const auto file = [this](const char* path, const char* text, const char* type) {
-      server.Get(path, [text, type](const httplib::Request&, httplib::Response& response) {
-        response.set_content(text, type);
-      });
-    };
-    file("/", templates::page_html, "text/html; charset=utf-8");
-    file("/page.css", templates::page_css, "text/css; charset=utf-8");
-    file("/page.js", templates::page_js, "text/javascript; charset=utf-8");
-    file("/regions.js", templates::regions_js, "text/javascript; charset=utf-8");
+    File("/", HtmlText(in_header), "text/html; charset=utf-8");
+    File("/page.css", templates::page_css, "text/css; charset=utf-8");
+    File("/page.js", templates::page_js, "text/javascript; charset=utf-8");
+    File("/regions.js", templates::regions_js, "text/javascript; charset=utf-8");
     server.Get("/favicon.ico",
                [](const httplib::Request&, httplib::Response& response) { response.status = 204; });
-    server.Get("/events", [this](const httplib::Request& request, httplib::Response& response) {
-      Stream(request, response);
-    });
-    for (const char* const call : kPageCalls) {
-      server.Post(call, [this, call](const httplib::Request& request, httplib::Response& response) {
-        Change(call, request, response);
-      });
-    }
   }
 
   ~Http() {
-    changes->End();
+    if (changes != nullptr) changes->End();
     WaitForStart(std::chrono::hours(1));  // stop() does not end a server that is yet to start
     server.stop();
     if (thread.joinable()) thread.join();
   }
 
+  void File(const std::string& path, const std::string& text, const char* type) {
+    server.Get(path, [text, type](const httplib::Request&, httplib::Response& response) {
+      response.set_content(text, type);
+    });
+  }
+
+  // `role`: as of CellPage::Start.
+  void Show(Serving& serving, std::optional<Role> role) {
+    changes = std::make_shared<Changes>(serving);
+    server.Get("/events", [this, &serving, role](const httplib::Request& request,
+                                                 httplib::Response& response) {
+      Stream(serving, role, request, response);
+    });
+    for (const char* const call : kPageCalls) {
+      server.Post(call, [&serving, role, call](const httplib::Request& request,
+                                               httplib::Response& response) {
+        if (!FromThisPage(request)) return Refuse(response, 403, "Another site asks.");
+        const absl::Status done =
+            AnswerPageCall(serving, role, call, request.body, request.remote_addr);
+        if (!done.ok()) return Refuse(response, HttpCodeOf(done), std::string(done.message()));
+        response.status = 204;
+      });
+    }
+  }
+
+  void Show(const Replay& replay) {
+    File("/replay.js", templates::replay_js, "text/javascript; charset=utf-8");
+    server.Get("/recording",
+               [&replay](const httplib::Request& request, httplib::Response& response) {
+                 if (RefusesOthers(request, response)) return;
+                 response.set_content(TextOf(replay.TimeLine()), "application/json");
+               });
+    server.Get("/moment", [&replay](const httplib::Request& request, httplib::Response& response) {
+      if (RefusesOthers(request, response)) return;
+      int64_t time = 0;
+      if (!absl::SimpleAtoi(request.get_param_value("time"), &time)) {
+        return Refuse(response, 400, "time is in milliseconds since 1970");
+      }
+      const std::optional<SliceChoice> choice = ChoiceIn(request, response);
+      if (choice) response.set_content(TextOf(replay.At(time, *choice)), "application/json");
+    });
+  }
+
   // Unavailable: it does not begin to serve.
   absl::Status Listen() {
-    serving.watches.Add(changes);
     thread = std::thread([this] {
       // The threads that it starts are as nice as it.
       setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), kNice);
@@ -273,23 +328,12 @@ struct CellPage::Http {
     return server.is_running();
   }
 
-  void Change(const std::string& call, const httplib::Request& request,
-              httplib::Response& response) {
-    if (!FromThisPage(request)) return Refuse(response, 403, "Another site asks.");
-    const absl::Status done =
-        AnswerPageCall(serving, role, call, request.body, request.remote_addr);
-    if (!done.ok()) return Refuse(response, HttpCodeOf(done), std::string(done.message()));
-    response.status = 204;
-  }
-
   // Server-sent events: a snapshot each.
-  void Stream(const httplib::Request& request, httplib::Response& response) {
-    if (request.get_header_value("Sec-Fetch-Site") == "cross-site") {
-      return Refuse(response, 403, "Another site asks.");
-    }
-    const absl::StatusOr<SliceChoice> choice = SliceChoiceFrom(
-        request.get_param_value("x"), request.get_param_value("y"), request.get_param_value("at"));
-    if (!choice.ok()) return Refuse(response, 400, std::string(choice.status().message()));
+  void Stream(Serving& serving, std::optional<Role> role, const httplib::Request& request,
+              httplib::Response& response) {
+    if (RefusesOthers(request, response)) return;
+    const std::optional<SliceChoice> choice = ChoiceIn(request, response);
+    if (!choice) return;
     if (streams.fetch_add(1) >= kMostStreams) {
       --streams;
       return Refuse(response, 503, "As many look at this page as may.");
@@ -298,8 +342,8 @@ struct CellPage::Http {
         absl::ToChronoMilliseconds(serving.settings.map_time) + kAfterMapTime;
     response.set_chunked_content_provider(
         "text/event-stream",
-        [this, choice = *choice, settle, last = Changes::News()](size_t,
-                                                                 httplib::DataSink& sink) mutable {
+        [this, &serving, role, choice = *choice, settle, last = Changes::News()](
+            size_t, httplib::DataSink& sink) mutable {
           const std::optional<Changes::News> news = changes->Wait(last, settle);
           if (!news) {
             sink.done();
@@ -307,20 +351,18 @@ struct CellPage::Http {
           }
           last = *news;
           ++snapshots;
-          const std::string event = absl::StrCat(
-              "data: {\"stops\":",
-              changes->Stops().dump(-1, ' ', false, nlohmann::json::error_handler_t::replace),
-              ",\"role\":\"", role ? NameOf(*role) : "",
-              "\",\"now\":", SnapshotText(serving, choice), "}\n\n");
+          const std::string event = absl::StrCat("data: ",
+                                                 TextOf({{"stops", changes->Stops()},
+                                                         {"role", role ? NameOf(*role) : ""},
+                                                         {"now", PageSnapshot(serving, choice)}}),
+                                                 "\n\n");
           return sink.write(event.data(), event.size());
         },
         [this](bool) { --streams; });
   }
 
-  Serving& serving;
-  const std::optional<Role> role;
-  const std::shared_ptr<Changes> changes;
-  std::atomic<bool> ended = false;  // no longer serves, or never did
+  std::shared_ptr<Changes> changes;  // null: of a recording
+  std::atomic<bool> ended = false;   // no longer serves, or never did
   std::atomic<int> streams = 0;
   std::atomic<uint64_t> snapshots = 0;
   httplib::Server server;
@@ -337,6 +379,30 @@ uint64_t CellPage::snapshots() const { return http_->snapshots; }
 absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
                                                           Serving& serving,
                                                           std::optional<Role> role) {
+  if (role && CheckListenAddress(address).ok() && !StaysOnThisMachine(address)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("page: everyone who reaches ", address, " would have the role '",
+                     NameOf(*role), "': use 127.0.0.1, and 'ssh -L' from other machines"));
+  }
+  auto http = std::make_unique<Http>(/*in_header=*/"");
+  http->Show(serving, role);
+  const std::shared_ptr<Changes> changes = http->changes;
+  ASSIGN_OR_RETURN(auto page, Listen(address, insecure, std::move(http)));
+  serving.watches.Add(changes);
+  if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
+  return page;
+}
+
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& address, bool insecure,
+                                                          const Replay& replay) {
+  auto http = std::make_unique<Http>(templates::replay_html);
+  http->Show(replay);
+  return Listen(address, insecure, std::move(http));
+}
+
+absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Listen(const std::string& address,
+                                                           bool insecure,
+                                                           std::unique_ptr<Http> http) {
   if (address.starts_with("unix:")) {
     return absl::InvalidArgumentError(
         absl::StrCat("page address '", address, "': browsers ask over TCP; say 127.0.0.1:8080"));
@@ -350,15 +416,9 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
         ", which other machines reach: use 127.0.0.1, or start with --insecure if everyone in that "
         "network may see its images"));
   }
-  if (role && !StaysOnThisMachine(address)) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("page: everyone who reaches ", address, " would have the role '",
-                     NameOf(*role), "': use 127.0.0.1, and 'ssh -L' from other machines"));
-  }
   const size_t colon = address.rfind(':');
   std::string host = address.substr(0, colon);
   if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  auto http = std::make_unique<Http>(serving, role);
   int port = std::stoi(address.substr(colon + 1));
   if (port == 0) {
     port = http->server.bind_to_any_port(host);
@@ -367,7 +427,6 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Start(const std::string& add
   }
   if (port < 0)
     return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
-  if (serving.settings.live != nullptr) serving.settings.live->KeepImages();
   RETURN_IF_ERROR(http->Listen());
   return std::unique_ptr<CellPage>(
       new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));

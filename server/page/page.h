@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The operator's page in the browser (docs/page.md), over HTTP. Read-only, unless it has a role.
+// The operator's page in the browser (docs/page.md), of the cell or of a recording, over HTTP.
+// Read-only, unless it has a role.
 #pragma once
 
 #include <cstddef>
@@ -10,6 +11,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/gate/roles.h"
+#include "server/page/replay.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
@@ -35,17 +37,23 @@ class CellPage {
   static absl::StatusOr<std::unique_ptr<CellPage>> Start(const std::string& address, bool insecure,
                                                          Serving& serving,
                                                          std::optional<Role> role = std::nullopt);
+  // The same of a recording, which must outlive it. The position in the recording is the browser's:
+  // each request names its time, and nothing here changes.
+  static absl::StatusOr<std::unique_ptr<CellPage>> Start(const std::string& address, bool insecure,
+                                                         const Replay& replay);
   ~CellPage();
 
   // The address that is listened on, with the port that was chosen.
   const std::string& address() const { return address_; }
 
-  // How many snapshots were made.
+  // How many snapshots of the cell were made.
   uint64_t snapshots() const;
 
  private:
   struct Http;
   CellPage(std::unique_ptr<Http> http, std::string address);
+  static absl::StatusOr<std::unique_ptr<CellPage>> Listen(const std::string& address, bool insecure,
+                                                          std::unique_ptr<Http> http);
 
   std::unique_ptr<Http> http_;
   std::string address_;

@@ -13,6 +13,8 @@ const HISTORY = 300;           // s
 const CLOCK_DRIFT = 0.0005;    // s/s, more than clocks drift
 
 const $ = (id) => document.getElementById(id);
+const replaying = $("replay") !== null;   // a recording (replay.js)
+document.documentElement.className = replaying ? "replay" : "live";
 let snapshot = null;           // the newest
 let stops = [];
 let role = "";                 // of the page: what it may change
@@ -63,7 +65,7 @@ function heard(event) {
   const { stops: newest, role: granted, now } = JSON.parse(event.data);
   stops = newest;
   role = granted;
-  snapshot = now;
+  snapshot = now.error ? { ...snapshot, error: now.error } : now;
   connected = true;
   if (now.clock !== undefined) {
     ahead = Math.max(now.clock - local(), ahead - CLOCK_DRIFT * (local() - heardAt));
@@ -74,10 +76,11 @@ function heard(event) {
 }
 
 // Seconds since the snapshot was made.
-const since = () => Math.max(0, local() + ahead - snapshot.clock);
+const since = () => replaying ? 0 : Math.max(0, local() + ahead - snapshot.clock);
 
 // What the page may say now: {known, status}.
 function judge() {
+  if (replaying) return judgeRecorded();
   if (snapshot === null) return { known: false, status: connected ? "Waiting" : "Connecting" };
   if (!connected || local() - heardAt > LOST_AFTER) {
     return { known: false, status: "Connection lost: nothing here is current" };
@@ -89,13 +92,18 @@ function judge() {
   return { known: true, status: "Serving" };
 }
 
+// The slice that is chosen, as a query.
+function slice() {
+  const joints = snapshot && snapshot.database ? snapshot.database.grid.joints.length : 0;
+  const at = [...Array(joints).keys()].map((j) => choice.at[j] ?? "").join();
+  return `x=${choice.x}&y=${choice.y}&at=${at}`;
+}
+
 function connect() {
   if (source) source.close();
   source = null;
   if (document.hidden) return;
-  const joints = snapshot && snapshot.database ? snapshot.database.grid.joints.length : 0;
-  const at = [...Array(joints).keys()].map((j) => choice.at[j] ?? "").join();
-  const opened = new EventSource(`events?x=${choice.x}&y=${choice.y}&at=${at}`);
+  const opened = new EventSource(`events?${slice()}`);
   opened.onmessage = heard;
   opened.onerror = () => {
     opened.close();
@@ -385,7 +393,7 @@ function choose(change) {
   choice = { ...choice, ...change };
   if (choice.x === choice.y) choice = "x" in change ? { ...choice, y: snapshot.space.x } : { ...choice, x: snapshot.space.y };
   clearTimeout(chosen);
-  chosen = setTimeout(connect, 150);
+  chosen = setTimeout(replaying ? show : connect, 150);
 }
 
 // Lists.
@@ -571,7 +579,7 @@ function draw() {
   text($("status"), status);
   drawStops();
   drawHistory();
-  if (snapshot === null || snapshot.error) return;
+  if (snapshot === null || !snapshot.database) return;
   drawFacts(snapshot, known);
   drawControls(snapshot);
   drawMap(snapshot, known);
@@ -582,12 +590,12 @@ function draw() {
 }
 
 // Time alone makes things unknown.
-setInterval(() => {
+if (!replaying) setInterval(() => {
   const { known, status } = judge();
   if (`${known} ${status}` !== was) draw();
   else if (snapshot && snapshot.scene) text($("age"), duration(seconds(snapshot.basis.scene_age) + since()));
 }, 100);
-document.addEventListener("visibilitychange", () => { connected = false; draw(); connect(); });
+if (!replaying) document.addEventListener("visibilitychange", () => { connected = false; draw(); connect(); });
 window.addEventListener("resize", draw);
-regions.start();
-connect();
+if (!replaying) regions.start();
+if (!replaying) connect();

@@ -395,14 +395,12 @@ absl::StatusOr<SliceChoice> SliceChoiceFrom(const std::string& x, const std::str
   return choice;
 }
 
-std::string SnapshotText(Serving& serving, const SliceChoice& choice) {
-  json shown;
+json PageSnapshot(Serving& serving, const SliceChoice& choice) {
   try {
-    shown = SnapshotJson(serving, choice);
+    return SnapshotJson(serving, choice);
   } catch (const std::exception& error) {
-    shown = {{"error", absl::StrCat("internal error: ", error.what())}};
+    return {{"error", absl::StrCat("internal error: ", error.what())}};
   }
-  return shown.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
 }  // namespace silhouette

@@ -3,6 +3,7 @@
 // messages of the API stand in it as the API's JSON.
 #pragma once
 
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -29,6 +30,6 @@ absl::StatusOr<SliceChoice> SliceChoiceFrom(const std::string& x, const std::str
 // The moment now. What is not known is null, "unknown", or the letter 'u' among the cells, and so
 // is all that nothing can rest on when this is ready. Takes up to 0.1 s beyond what a look at the
 // index takes, if maps have to be worked out.
-std::string SnapshotText(Serving& serving, const SliceChoice& choice);
+nlohmann::json PageSnapshot(Serving& serving, const SliceChoice& choice);
 
 }  // namespace silhouette

@@ -16,11 +16,11 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "common/recording/recorder.h"
 #include "db/status/status_macros.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
 #include "tools/program/program.h"
-#include "tools/recording/recorder.h"
 
 namespace silhouette {
 namespace {
@@ -66,6 +66,7 @@ class Program {
       }
       if (!lost_since_) {
         lost_since_ = absl::Now();
+        if (recorder_) recorder_->Lose(*lost_since_);
         Note("lost", absl::StrCat(ended.message(), "; trying again"));
       }
       for (absl::Duration waited; waited < kBetweenAttempts && !StopRequested(); waited += kLook) {
@@ -103,11 +104,11 @@ class Program {
       CloseFiles();
       recorder_.emplace(arguments_.recorder, std::move(database));
     }
-    for (const Stop& stop : recorder_->Take(news, now)) NoteStop(stop);
+    for (const RecordedStop& stop : recorder_->Take(news, now)) NoteStop(stop);
     return absl::OkStatus();
   }
 
-  void NoteStop(const Stop& stop) {
+  void NoteStop(const RecordedStop& stop) {
     ++stops_;
     const v1::CheckPathResponse& check = stop.path.answer().check();
     const std::string reason =

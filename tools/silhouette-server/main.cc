@@ -36,6 +36,7 @@
 #include "server/live/live_loop.h"
 #include "server/live/live_record.h"
 #include "server/page/page.h"
+#include "server/page/replay.h"
 #include "server/scene/served_database.h"
 #include "server/service/listener.h"
 #include "server/service/server.h"
@@ -60,6 +61,8 @@ struct Options {
   std::string metrics;                         // empty: as in the cell file
   std::string page;                            // empty: none
   std::string page_role;                       // empty: the page is read-only
+  std::string replay;                          // a recording; empty: the cell as it is
+  std::string preset;                          // empty: as in the cell file
   bool live = false;
   bool insecure = false;
   bool unverified = false;
@@ -79,6 +82,17 @@ absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   const absl::Status& known = database.margins_known();
   if (known.ok()) return known;
   return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
+}
+
+// The database of the cell, with all that verdicts need.
+absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
+                                                                   bool unverified) {
+  if (cell.database.empty()) {
+    return InvalidArgument("'", cell.file, "' names no database; use --database DIR");
+  }
+  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, cell.database, unverified));
+  RETURN_IF_ERROR(MarginsKnown(cell, *database));
+  return database;
 }
 
 // New connections use changed certificates anyway; here the log says whether they can.
@@ -183,6 +197,47 @@ void AskForDescriptors(const ClientLimits& limits) {
   setrlimit(RLIMIT_NOFILE, &descriptors);
 }
 
+// Waits for SIGTERM or SIGINT.
+void WaitForStop() {
+  const sigset_t signals = AwaitedSignals();
+  int signal = SIGHUP;
+  while (sigwait(&signals, &signal) != 0 || signal == SIGHUP) continue;
+}
+
+// Shows a recording on the page, and opens nothing else.
+absl::Status ShowRecording(const Options& options) {
+  if (options.page.empty()) {
+    return InvalidArgument("--replay shows a recording on the page: add --page 127.0.0.1:8080");
+  }
+  if (options.live || !options.listen.empty() || !options.metrics.empty() ||
+      !options.calibration_check.empty()) {
+    return InvalidArgument(
+        "--replay shows a recording on the page and serves nothing else: leave out --live, "
+        "--listen, --metrics and --calibration-check");
+  }
+  ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
+  if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
+  if (!options.preset.empty()) {
+    const std::optional<Preset> preset = PresetFromName(options.preset);
+    if (!preset) return InvalidArgument("--preset ", options.preset, ": there is no such preset");
+    cell.policy.preset = *preset;
+    cell.choose_preset = false;
+  }
+  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
+  ServingSettings settings;
+  settings.policy = cell.policy;
+  settings.choose_preset = cell.choose_preset;
+  settings.scene = cell.server.scene;
+  settings.segmentation = cell.segmentation;
+  settings.joint_slides = cell.joint_slides;
+  ASSIGN_OR_RETURN(const auto replay, Replay::Open(options.replay, std::move(database), settings));
+  ASSIGN_OR_RETURN(const auto page, CellPage::Start(options.page, options.insecure, *replay));
+  std::cout << "recording at http://" << page->address() << "/" << std::endl;
+  sd_notify(0, "READY=1");
+  WaitForStop();
+  return absl::OkStatus();
+}
+
 absl::Status Serve(const Options& options) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
@@ -191,12 +246,7 @@ absl::Status Serve(const Options& options) {
   RETURN_IF_ERROR(CheckListenAddress(listen));
   RETURN_IF_ERROR(CheckGate(listen, cell.server.gate));
   const std::string& path = cell.database;
-  if (path.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("'", options.cell, "' names no database; use --database DIR"));
-  }
-  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, path, options.unverified));
-  RETURN_IF_ERROR(MarginsKnown(cell, *database));
+  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
 
   ServingSettings settings;
   settings.policy = cell.policy;
@@ -314,6 +364,14 @@ int Main(int argc, char** argv) {
          "are not seen; only for a page of this machine alone. Default: the page is read-only")
       ->check(CLI::IsMember({NameOf(Role::kOperator)}))
       ->needs("--page");
+  CLI::Option* replay = app.add_option(
+      "--replay", options.replay,
+      "An MCAP file of silhouette-record: the page shows its moments, and nothing else is opened.\n"
+      "No planner gets an answer. Needs --page; without --live and --listen");
+  replay->excludes("--page-role");
+  app.add_option("--preset", options.preset,
+                 "With --replay: what the map rests on; default: as in the cell file")
+      ->needs(replay);
   app.add_option("--simulated-obstacles", options.obstacles,
                  "With --live and a simulated cell: the file of its obstacles")
       ->needs("--live");
@@ -327,9 +385,11 @@ int Main(int argc, char** argv) {
       "scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"
-      "  silhouette-server --cell cell.yaml --live --page 127.0.0.1:8080");
+      "  silhouette-server --cell cell.yaml --live --page 127.0.0.1:8080\n"
+      "  silhouette-server --cell cell.yaml --replay recordings/stop-20260131T120000.123Z.mcap "
+      "--page 127.0.0.1:8080");
   const Work serve = [&options]() -> absl::StatusOr<ExitCode> {
-    RETURN_IF_ERROR(Serve(options));
+    RETURN_IF_ERROR(options.replay.empty() ? Serve(options) : ShowRecording(options));
     return kDone;
   };
   return RunProgram(app, argc, argv, serve);

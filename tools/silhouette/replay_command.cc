@@ -12,10 +12,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "common/recording/recording.h"
 #include "db/status/status_macros.h"
 #include "silhouette/messages.h"
 #include "tools/program/program.h"
-#include "tools/recording/recording.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
@@ -23,21 +23,21 @@
 namespace silhouette {
 namespace {
 
-// Between looks at Ctrl-C.
-constexpr absl::Duration kLookWhileReplaying = absl::Milliseconds(50);
 // How long the server is watched for scenes of others.
 constexpr absl::Duration kQuiet = absl::Milliseconds(1200);
+// A scene that was recorded longer before a moment does not stand for it: there is a gap.
+constexpr absl::Duration kLongest = absl::Seconds(1);
 
 struct ReplayArguments {
   std::string file;
   std::string to;  // empty: nowhere
-  double speed = 1;
-  std::string at;  // empty: all scenes
+  std::string at;  // empty: a summary
   PathArguments path;
 };
 
 // "2026-01-31T12:00:00Z", or "12.5s" after the beginning of the file.
-absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
+absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments,
+                                  const RecordingSummary& summary) {
   absl::Time time;
   std::string error;
   if (absl::ParseTime(absl::RFC3339_full, arguments.at, &time, &error)) return time;
@@ -47,7 +47,6 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments) {
                            ": give a time, 2026-01-31T12:00:00Z, or one after the beginning of the "
                            "file, 12.5s");
   }
-  ASSIGN_OR_RETURN(const RecordingSummary summary, SummaryOf(arguments.file));
   return summary.start + after;
 }
 
@@ -147,56 +146,6 @@ absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseRespons
   return absl::OkStatus();
 }
 
-// Waits; false if the user has had enough.
-bool WaitUntil(absl::Time time) {
-  while (!StopRequested() && absl::Now() < time) {
-    std::this_thread::sleep_for(
-        absl::ToChronoMilliseconds(std::min(time - absl::Now(), kLookWhileReplaying)));
-  }
-  return !StopRequested();
-}
-
-absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto server, ReplayServer::Connect(session, arguments.to));
-  ASSIGN_OR_RETURN(Recording recording, Recording::Open(arguments.file));
-  CatchStopSignals();
-  v1::ServedState state;
-  bool compared = false;
-  std::optional<absl::Time> first;
-  absl::Time began;
-  uint64_t published = 0;
-  uint64_t with_defects = 0;
-  while (true) {
-    ASSIGN_OR_RETURN(const std::optional<Recorded> recorded, recording.Next());
-    if (!recorded) break;
-    if (const auto* database = std::get_if<v1::GetDatabaseResponse>(&recorded->message)) {
-      if (!std::exchange(compared, true))
-        RETURN_IF_ERROR(CompareDatabases(server->client(), *database));
-      continue;
-    }
-    if (!first) {
-      first = recorded->time;
-      began = absl::Now();
-    }
-    if (!WaitUntil(began + (recorded->time - *first) / arguments.speed)) break;
-    if (const auto* news = std::get_if<v1::ServedState>(&recorded->message)) {
-      state = *news;
-    } else if (const auto* scene = std::get_if<v1::Scene>(&recorded->message)) {
-      RETURN_IF_ERROR(server->Publish(*scene, state));
-      ++published;
-      if (!scene->defects().empty()) ++with_defects;
-    }
-  }
-  PrintResult(session.format, Json({{"scenes", published}, {"with_defects", with_defects}}),
-              absl::StrCat(published, " scenes published",
-                           with_defects == 0 ? ""
-                                             : absl::StrCat(", ", with_defects,
-                                                            " of them without joint values, as "
-                                                            "they had defects"),
-                           "\n"));
-  return kDone;
-}
-
 // A path, and what was said of it then; nothing: it was not watched.
 struct Question {
   std::vector<Configuration> waypoints;
@@ -212,12 +161,12 @@ absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
     questions.push_back({.waypoints = std::move(waypoints), .watched = {}});
     return questions;
   }
-  for (const auto& [id, path] : moment.paths) {
+  for (const RecordedPath& recorded : moment.paths) {
     Question& question = questions.emplace_back();
-    for (const v1::Configuration& q : path.request().waypoints()) {
+    for (const v1::Configuration& q : recorded.path.request().waypoints()) {
       question.waypoints.emplace_back(q.positions().begin(), q.positions().end());
     }
-    question.watched = path;
+    question.watched = recorded.path;
   }
   if (questions.empty()) {
     return InvalidArgument("no path was watched at that moment; give a configuration or a path");
@@ -227,9 +176,15 @@ absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
 
 // Why everything was unknown then, whatever the preset; empty: it was not.
 std::string UnknownThen(const RecordedMoment& moment) {
+  if (!moment.scene) {
+    return absl::StrCat("no scene is recorded in the ", absl::FormatDuration(kLongest),
+                        " before that moment");
+  }
+  if (!moment.state) return "what held beside the scene is not recorded";
   for (const v1::SceneDefect& defect : moment.scene->defects()) return defect.message();
-  for (const v1::SceneDefect& defect : moment.state.defects()) return defect.message();
-  return "";
+  for (const v1::SceneDefect& defect : moment.state->defects()) return defect.message();
+  if (moment.state->unknown_reason() == v1::Verdict::REASON_UNSPECIFIED) return "";
+  return NameOf(client::FromMessage(moment.state->unknown_reason()));
 }
 
 // "free", "occupied", "unknown: no scene"
@@ -283,22 +238,25 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
         "--at asks a server: name one with --to that serves the recording's database and nothing "
         "else");
   }
-  ASSIGN_OR_RETURN(const absl::Time time, TimeIn(arguments));
-  ASSIGN_OR_RETURN(const RecordedMoment moment, MomentAt(arguments.file, time));
+  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  ASSIGN_OR_RETURN(const absl::Time time, TimeIn(arguments, recording->summary()));
+  ASSIGN_OR_RETURN(const RecordedMoment moment, recording->At(time, kLongest));
   ASSIGN_OR_RETURN(const std::vector<Question> questions, QuestionsAt(session, arguments, moment));
-  const absl::Duration age = time - client::FromMessage(moment.scene->time());
-  Json json = {{"time", Spoken(time)},
-               {"scene_id", moment.scene->id()},
-               {"scene_age_s", absl::ToDoubleSeconds(age)},
-               {"answers", Json::array()}};
-  std::string text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Spoken(time),
-                                     moment.scene->id(), absl::ToDoubleMilliseconds(age));
+  Json json = {{"time", Spoken(time)}, {"answers", Json::array()}};
+  std::string text = absl::StrCat(Spoken(time), "\n");
+  if (moment.scene) {
+    const absl::Duration age = time - client::FromMessage(moment.scene->time());
+    json["scene_id"] = moment.scene->id();
+    json["scene_age_s"] = absl::ToDoubleSeconds(age);
+    text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Spoken(time), moment.scene->id(),
+                           absl::ToDoubleMilliseconds(age));
+  }
   const std::string unknown = UnknownThen(moment);
   std::unique_ptr<ReplayServer> server;
   if (unknown.empty()) {
     ASSIGN_OR_RETURN(server, ReplayServer::Connect(session, arguments.to));
     RETURN_IF_ERROR(CompareDatabases(server->client(), moment.database));
-    RETURN_IF_ERROR(server->Publish(*moment.scene, moment.state));
+    RETURN_IF_ERROR(server->Publish(*moment.scene, *moment.state));
   }
   ASSIGN_OR_RETURN(const bool all_free,
                    Answer(session, server.get(), questions, unknown, json, text));
@@ -307,21 +265,22 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
 }
 
 absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments& arguments) {
-  ASSIGN_OR_RETURN(const RecordingSummary summary, SummaryOf(arguments.file));
-  const bool empty = summary.end < summary.start;
+  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  const RecordingSummary& summary = recording->summary();
+  const bool empty = summary.empty();
   Json json = {{"cell", summary.cell},
                {"start", empty ? Json() : Json(Spoken(summary.start))},
                {"end", empty ? Json() : Json(Spoken(summary.end))},
-               {"scenes", summary.scenes},
+               {"scenes", summary.scenes.size()},
                {"cut", summary.cut},
                {"stops", Json::array()}};
   std::string text =
       empty ? "empty\n"
             : absl::StrCat("cell '", summary.cell, "', ", Spoken(summary.start), " to ",
-                           Spoken(summary.end), ": ", summary.scenes, " scenes, ",
+                           Spoken(summary.end), ": ", summary.scenes.size(), " scenes, ",
                            summary.stops.size(), summary.stops.size() == 1 ? " stop" : " stops",
                            summary.cut ? "; cut at its end" : "", "\n");
-  for (const Stop& stop : summary.stops) {
+  for (const RecordedStop& stop : summary.stops) {
     json["stops"].push_back({{"time", Spoken(stop.time)},
                              {"client", stop.path.client()},
                              {"path", stop.path.id()},
@@ -335,38 +294,36 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
 
 absl::StatusOr<ExitCode> Replay(const Session& session, const ReplayArguments& arguments) {
   if (!arguments.at.empty()) return AskAt(session, arguments);
-  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
-    return InvalidArgument("give the moment at which the path is to be checked, with --at");
+  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty() || !arguments.to.empty()) {
+    return InvalidArgument("give the moment that is asked about, with --at");
   }
-  return arguments.to.empty() ? Summarize(session, arguments) : Feed(session, arguments);
+  return Summarize(session, arguments);
 }
 
 }  // namespace
 
 void AddReplayCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
-      "replay", "Show a recording of silhouette-record, replay it, or ask about a moment of it");
+      "replay", "Summarise a recording of silhouette-record, or ask about a moment of it");
   auto arguments = std::make_shared<ReplayArguments>();
   command->add_option("recording", arguments->file, "An MCAP file of silhouette-record")
       ->required();
-  command->add_option("--to", arguments->to,
-                      "Publish the scenes to the server at this address: one that serves the "
-                      "recording's\ndatabase and that no planner uses");
-  command->add_option("--speed", arguments->speed, "Playback speed factor")
-      ->check(PositiveNumber())
-      ->capture_default_str();
+  command->add_option(
+      "--to", arguments->to,
+      "With --at: the server that is asked. It serves the recording's database, and "
+      "no planner\nuses it");
   command->add_option("--at", arguments->at,
-                      "Only the scene of this moment: a time, or one after the file's beginning, "
-                      "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
+                      "A time, or one after the file's beginning, 12.5s: publish the scene of that "
+                      "moment and check\nthe path, or all that clients watched, e.g. with another "
                       "--preset");
   AddPathArguments(*command, session, arguments->path);
   AddVerdictOptions(*command, session);
   command->footer(
-      "Without --to and --at: from when to when it is, and its stops.\n"
+      "Without --at: from when to when it is, and its stops. To look at it: silhouette-server "
+      "--replay.\n"
       "Exit code 1 if a path is not free at that moment.\n\n"
       "Example:\n"
       "  silhouette replay recordings/stop-20260131T120000.123Z.mcap\n"
-      "  silhouette replay stop.mcap --to 127.0.0.1:50052 --speed 0.5\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s --preset paper\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s 0.1,0.2 0.5,0.2");
   Runs(*command, session, Replay, arguments);

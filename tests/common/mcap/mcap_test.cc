@@ -11,6 +11,7 @@
 #include <set>
 #include <sstream>
 
+#include "absl/strings/str_cat.h"
 #include "common/mcap/mcap_reader.h"
 #include "common/mcap/mcap_rotation.h"
 #include "common/mcap/mcap_writer.h"
@@ -229,7 +230,7 @@ TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
 TEST_F(McapTest, EventAfterMuchThatWaitedIsKept) {
   EventExcerpts excerpts(McapRotation({folder_, "stop", uint64_t{1} << 30, 10}, kChannels,
                                       [] { return std::vector<McapMessage>(); }),
-                         absl::Seconds(30), absl::Seconds(30));
+                         absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
   const std::string large(1 << 20, 'x');
   for (int i = 0; i < 80; ++i) ASSERT_TRUE(excerpts.Add(At(0.1 * i, large)).ok());
   ASSERT_TRUE(excerpts.Add(At(8, "the stop")).ok());
@@ -239,6 +240,43 @@ TEST_F(McapTest, EventAfterMuchThatWaitedIsKept) {
   const std::vector<std::string> kept = ReadFile(excerpts.files().path()).data;
   ASSERT_THAT(kept, SizeIs(81));
   EXPECT_EQ(kept.back(), "the stop");
+}
+
+TEST_F(McapTest, MessagesAreReadAgainInAnyOrder) {
+  auto writer = *McapWriter::Create(folder_ / "f.mcap", kChannels);
+  for (int i = 0; i < 20; ++i) {
+    writer->Add(At(i, absl::StrCat("message ", i)));
+    if (i % 3 != 2) continue;
+    ASSERT_TRUE(writer->Flush().ok());
+  }
+  ASSERT_TRUE(writer->Close().ok());
+  auto reader = *McapReader::Open(folder_ / "f.mcap");
+  std::vector<McapReader::Place> places;
+  while (true) {
+    const auto message = reader->Next();
+    ASSERT_TRUE(message.ok());
+    if (!*message) break;
+    places.push_back((*message)->place);
+  }
+  ASSERT_THAT(places, SizeIs(20));
+  for (const size_t i : {19, 0, 1, 2, 3, 18, 2}) {
+    const auto message = reader->Read(places[i]);
+    ASSERT_TRUE(message.ok()) << message.status();
+    EXPECT_EQ(message->data, absl::StrCat("message ", i));
+  }
+}
+
+TEST_F(McapTest, TwoFilesOfOneMillisecondAreBothKept) {
+  McapRotation files({folder_, "r", 1 << 20, 10}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  for (const char* data : {"a", "b"}) {
+    ASSERT_TRUE(files.Add(At(0, data)).ok());
+    ASSERT_TRUE(files.Close().ok());
+  }
+  const std::vector<std::string> names = Files();
+  ASSERT_THAT(names, SizeIs(2));
+  EXPECT_THAT(ReadFile(folder_ / names[0]).data, ElementsAre("a"));
+  EXPECT_THAT(ReadFile(folder_ / names[1]).data, ElementsAre("b"));
 }
 
 TEST_F(McapTest, FileThatIsWrittenMakesNoRoomThoughOthersHaveLaterNames) {
@@ -255,7 +293,7 @@ TEST_F(McapTest, FileThatIsWrittenMakesNoRoomThoughOthersHaveLaterNames) {
 TEST_F(McapTest, TheTimeAroundEventsIsKeptAndNoOther) {
   EventExcerpts excerpts(McapRotation({folder_, "stop", 1 << 20, 10}, kChannels,
                                       [] { return std::vector<McapMessage>(); }),
-                         absl::Seconds(30), absl::Seconds(30));
+                         absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
   auto add_until = [&, next = 0](int end) mutable {
     for (; next <= end; ++next) ASSERT_TRUE(excerpts.Add(At(next, std::to_string(next))).ok());
   };

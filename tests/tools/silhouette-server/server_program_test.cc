@@ -10,11 +10,14 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <regex>
+#include <set>
 #include <sstream>
 #include <thread>
 
 #include "calib/files/calibration_message.h"
+#include "common/recording/recorder.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -531,6 +534,62 @@ TEST_F(DamagedFileTest, FileCutUnderARunningServerMakesAllUnknown) {
   WaitForLog("not reloaded, still serving the old state");
   EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
   EXPECT_EQ(program->End(SIGTERM), 0);
+}
+
+// Sockets on which the process listens.
+int ListeningSockets(pid_t pid) {
+  std::set<std::string> inodes;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(absl::StrCat("/proc/", pid, "/fd"))) {
+    std::error_code error;
+    const std::string target = std::filesystem::read_symlink(entry.path(), error);
+    if (target.starts_with("socket:[")) inodes.insert(target.substr(8, target.size() - 9));
+  }
+  int listening = 0;
+  for (const char* table : {"tcp", "tcp6"}) {
+    std::ifstream lines(absl::StrCat("/proc/", pid, "/net/", table));
+    for (std::string line; std::getline(lines, line);) {
+      std::istringstream words(line);
+      std::vector<std::string> fields(std::istream_iterator<std::string>(words), {});
+      if (fields.size() > 9 && fields[3] == "0A" && inodes.contains(fields[9])) ++listening;
+    }
+  }
+  return listening;
+}
+
+TEST_F(ServerProgramTest, ReplayOpensThePageAndNothingElse) {
+  v1::GetDatabaseResponse recorded;
+  recorded.set_cell_name(LoadCell(cell)->name);
+  Recorder recorder({.folder = folder}, recorded);
+  v1::WatchScenesResponse news;
+  news.mutable_state();
+  recorder.Take(news, absl::Now());
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::vector<std::string> replay = {"--cell", cell,       "--database",
+                                           database, "--replay", recorder.path()};
+  const auto with = [&](std::vector<std::string> further) {
+    further.insert(further.begin(), replay.begin(), replay.end());
+    return further;
+  };
+  ServerProgram program(folder, with({"--page", "127.0.0.1:0"}));
+  for (int i = 0; i < 1000 && program.Output().empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_THAT(program.Output(), StartsWith("recording at http://127.0.0.1:"));
+  EXPECT_EQ(ListeningSockets(program.pid()), 1);
+  EXPECT_EQ(program.End(SIGTERM), 0);
+
+  EXPECT_EQ(Refused(replay), 2);
+  EXPECT_THAT(errors, HasSubstr("--page"));
+  for (const std::vector<std::string>& other :
+       {std::vector<std::string>{"--live"}, {"--listen", "127.0.0.1:0"}}) {
+    std::vector<std::string> further = {"--page", "127.0.0.1:0"};
+    further.insert(further.end(), other.begin(), other.end());
+    EXPECT_EQ(Refused(with(further)), 2);
+    EXPECT_THAT(errors, HasSubstr("leave out --live, --listen"));
+  }
+  EXPECT_EQ(Refused(with({"--page", "127.0.0.1:0", "--preset", "best"})), 2);
+  EXPECT_THAT(errors, HasSubstr("best"));
 }
 
 TEST_F(ServerProgramTest, WrongCommandLinesAreTheUsersMistake) {

@@ -10,7 +10,7 @@
 #include <memory>
 #include <string>
 
-#include "tests/server/page/looking.h"
+#include "tests/server/page/recorded.h"
 
 namespace silhouette {
 namespace {
@@ -294,6 +294,95 @@ TEST_F(BrowserTest, WithoutARoleNoRegionCanBeDrawn) {
   test.Allow("part", 2, absl::Seconds(10));
   EXPECT_TRUE(Shows("#region-list .left", StartsWith("ends in 0:")));
   EXPECT_EQ(browser->Run("return document.querySelectorAll('#region-list button').length;"), 0);
+}
+
+// A path is free, then blocked; ten seconds without a scene; then as it was when it was blocked.
+class RecordingInBrowser : public BrowserTest {
+ protected:
+  RecordingInBrowser() {
+    cell.Scene(EmptyCellScene());
+    cell.Path();
+    cell.Scene(SceneWithBlock(2));
+    cell.Path();
+    stop = cell.now();
+    cell.test.clock.Advance(absl::Seconds(10));
+    cell.Scene(SceneWithBlock(2));
+    replay = cell.Open();
+    recorded = *CellPage::Start("127.0.0.1:0", /*insecure=*/false, *replay);
+    browser->Open("http://" + recorded->address() + "/");
+  }
+  ~RecordingInBrowser() override { browser->Open("about:blank"); }
+
+  void MoveTo(const std::string& control, int64_t time, const std::string& event) {
+    browser->Run(absl::StrCat("const control = document.getElementById('", control,
+                              "'); control.value = '", time, "'; control.dispatchEvent(new Event('",
+                              event, "'));"));
+  }
+  void Press(const std::string& key) {
+    browser->Run("document.body.dispatchEvent(new KeyboardEvent('keydown', {key: '" + key +
+                 "', bubbles: true, cancelable: true}));");
+  }
+
+  RecordedServer cell;
+  int64_t stop = 0;
+  std::unique_ptr<Replay> replay;
+  std::unique_ptr<CellPage> recorded;
+};
+
+TEST_F(RecordingInBrowser, AStopShowsTheBlockedPathAndItsEvidence) {
+  ASSERT_TRUE(Shows("#status", std::string("Was serving")));
+  EXPECT_THAT(browser->Text("#banner"), HasSubstr("not the cell as it is now"));
+  EXPECT_TRUE(Shows("#paths .verdict", std::string("free")));
+  MoveTo("jump", stop, "change");
+  EXPECT_TRUE(Shows("#paths .verdict", std::string("occupied")));
+  EXPECT_THAT(browser->Text("#paths"), HasSubstr("left: 4 obstacle, right: 4 obstacle"));
+  EXPECT_THAT(browser->Text("figure[data-view=left] figcaption"),
+              HasSubstr(absl::StrCat("obstacle ", Block(0, 2).Count(), ", ")));
+  std::string expected;
+  for (int b = 0; b < 8; ++b) {
+    for (int a = 0; a < 5; ++a) {
+      expected += cell.test.CheckOne(At(a, b)).state() == v1::Verdict::STATE_FREE ? 'f' : 'o';
+    }
+  }
+  EXPECT_EQ(Map(), expected);
+}
+
+TEST_F(RecordingInBrowser, AGapShowsNoSceneAndNothingFree) {
+  ASSERT_TRUE(Shows("#status", std::string("Was serving")));
+  MoveTo("position", stop + 5000, "input");
+  ASSERT_TRUE(Shows("#status", std::string("No scene recorded at this time")));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
+  EXPECT_EQ(browser->Text("#free"), "–");
+  EXPECT_THAT(browser->Text("#paths .verdict"), std::string("unknown"));
+  EXPECT_THAT(browser->Text("#defects"), HasSubstr("no scene is recorded at this time"));
+}
+
+TEST_F(RecordingInBrowser, ArrowKeysGoFromSceneToScene) {
+  ASSERT_TRUE(Shows("#status", std::string("Was serving")));
+  EXPECT_TRUE(Shows("#scene", std::string("1")));
+  Press("ArrowRight");
+  EXPECT_TRUE(Shows("#scene", std::string("2")));
+  Press("ArrowRight");
+  EXPECT_TRUE(Shows("#scene", std::string("3")));
+  Press("ArrowLeft");
+  EXPECT_TRUE(Shows("#scene", std::string("2")));
+}
+
+TEST_F(RecordingInBrowser, PlaysToItsEnd) {
+  ASSERT_TRUE(Shows("#status", std::string("Was serving")));
+  browser->Run("document.getElementById('speed').value = '20';");
+  Press(" ");
+  EXPECT_TRUE(Shows("#play", std::string("Pause")));
+  EXPECT_TRUE(Shows("#scene", std::string("3")));
+  EXPECT_TRUE(Shows("#play", std::string("Play")));
+}
+
+TEST_F(RecordingInBrowser, WithoutTheServerNothingIsShownAsThatMoment) {
+  ASSERT_TRUE(Shows("#status", std::string("Was serving")));
+  recorded.reset();
+  Press("ArrowRight");
+  EXPECT_TRUE(Shows("#status", HasSubstr("Connection lost")));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
 }
 
 TEST_F(BrowserTest, TextsAreNeverMarkup) {

@@ -29,7 +29,7 @@ struct RecorderSettings {
 };
 
 // A watched path was free and is not any more.
-struct Stop {
+struct RecordedStop {
   absl::Time time;
   v1::WatchedPath path;
 };
@@ -43,8 +43,12 @@ class Recorder {
 
   const v1::GetDatabaseResponse& database() const { return database_; }
 
-  // Adds a message that arrived at `now`, and returns the stops in it.
-  std::vector<Stop> Take(const v1::WatchScenesResponse& news, absl::Time now);
+  // Adds a message that arrived at `now`, and returns the stops in it. If the clock was set back,
+  // new files begin: the times of a file never step back.
+  std::vector<RecordedStop> Take(const v1::WatchScenesResponse& news, absl::Time now);
+  // The server is lost: from `now` on nothing is known, and no path is watched. A server that comes
+  // back counts scenes and paths from 1 again.
+  void Lose(absl::Time now);
 
   // Writes to the disk what was added; an error of Take(), too, comes from here. To be called once
   // a second.
@@ -62,6 +66,8 @@ class Recorder {
   const std::string& stop_path() const { return stops_.files().path(); }
 
  private:
+  // Sets now_.
+  void Advance(absl::Time now);
   void Add(uint16_t channel, absl::Time published, std::string data);
   void AddState();
   void AddImages(const v1::WatchScenesResponse& news);
@@ -70,7 +76,7 @@ class Recorder {
   const bool only_stops_;
   McapRotation all_;
   EventExcerpts stops_;
-  absl::Time now_ = absl::UnixEpoch();  // it never steps back
+  absl::Time now_ = absl::UnixEpoch();
   std::optional<v1::ServedState> state_;
   absl::Time state_added_ = absl::InfinitePast();
   std::map<uint64_t, bool> free_;  // watched paths, by id
@@ -81,6 +87,6 @@ class Recorder {
 };
 
 // The time of a message.
-absl::Time TimeOf(const google::protobuf::Timestamp& time);
+absl::Time WallTimeOf(const google::protobuf::Timestamp& time);
 
 }  // namespace silhouette

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/recording/recorder.h"
+#include "common/recording/recorder.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "tools/recording/channels.h"
+#include "common/recording/channels.h"
 
 namespace silhouette {
 namespace {
 
 constexpr absl::Duration kBetweenStates = absl::Seconds(5);
+// The clock may be slewed back by so much; a step is longer.
+constexpr absl::Duration kJitter = absl::Milliseconds(500);
 
 McapRotationSettings RotationOf(const RecorderSettings& settings, const std::string& prefix) {
   return {.folder = settings.folder,
@@ -20,7 +22,7 @@ McapRotationSettings RotationOf(const RecorderSettings& settings, const std::str
 
 }  // namespace
 
-absl::Time TimeOf(const google::protobuf::Timestamp& time) {
+absl::Time WallTimeOf(const google::protobuf::Timestamp& time) {
   return absl::FromUnixSeconds(time.seconds()) + absl::Nanoseconds(time.nanos());
 }
 
@@ -49,7 +51,17 @@ Recorder::Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse dat
                                                           .published = now_,
                                                           .data = database_.SerializeAsString()}};
                        }),
-          settings.around_stops, settings.around_stops) {}
+          settings.around_stops, settings.around_stops, kStateChannel) {}
+
+void Recorder::Advance(absl::Time now) {
+  if (now < now_ - kJitter) {
+    fault_.Update(all_.Close());
+    fault_.Update(stops_.Close());
+    now_ = now;
+    state_added_ = absl::InfinitePast();
+  }
+  now_ = std::max(now_, now);
+}
 
 void Recorder::Add(uint16_t channel, absl::Time published, std::string data) {
   const McapMessage message{
@@ -74,8 +86,8 @@ void Recorder::AddImages(const v1::WatchScenesResponse& news) {
   }
 }
 
-std::vector<Stop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time now) {
-  now_ = std::max(now_, now);
+std::vector<RecordedStop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time now) {
+  Advance(now);
   if (news.has_state()) {
     state_ = news.state();
     AddState();
@@ -87,10 +99,10 @@ std::vector<Stop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time
     if (last_scene_ != 0 && id > last_scene_ + 1) missed_scenes_ += id - last_scene_ - 1;
     last_scene_ = id;
     ++scenes_;
-    Add(kSceneChannel, TimeOf(news.scene().time()), news.scene().SerializeAsString());
+    Add(kSceneChannel, WallTimeOf(news.scene().time()), news.scene().SerializeAsString());
   }
   AddImages(news);
-  std::vector<Stop> stops;
+  std::vector<RecordedStop> stops;
   for (const v1::WatchedPath& path : news.paths()) {
     Add(kPathChannel, now_, path.SerializeAsString());
     if (path.ended()) {
@@ -106,8 +118,25 @@ std::vector<Stop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time
   return stops;
 }
 
+void Recorder::Lose(absl::Time now) {
+  Advance(now);
+  state_.emplace().set_database_generation(database_.generation());
+  state_->set_unknown_reason(v1::Verdict::REASON_NO_SCENE);
+  v1::SceneDefect& lost = *state_->add_defects();
+  lost.set_reason(v1::Verdict::REASON_NO_SCENE);
+  lost.set_message("the recorder lost the server: what it said is not recorded");
+  AddState();
+  state_.reset();
+  for (const auto& [id, is_free] : std::exchange(free_, {})) {
+    v1::WatchedPath path;
+    path.set_id(id);
+    path.set_ended(true);
+    Add(kPathChannel, now_, path.SerializeAsString());
+  }
+}
+
 absl::Status Recorder::Flush(absl::Time now) {
-  now_ = std::max(now_, now);
+  Advance(now);
   absl::Status fault = std::exchange(fault_, absl::OkStatus());
   fault.Update(all_.Flush());
   fault.Update(stops_.Flush());

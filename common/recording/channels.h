@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "common/mcap/mcap.h"
 #include "silhouette/v1/database_service.pb.h"
@@ -32,5 +33,7 @@ std::vector<McapChannel> ChannelsOf(const v1::GetDatabaseResponse& database);
 
 // A serialized foxglove.CompressedImage.
 std::string CompressedImageOf(const std::string& jpeg, absl::Time taken);
+// The JPEG file in it. DataLoss: it cannot be parsed.
+absl::StatusOr<std::string> JpegOfCompressedImage(const std::string& serialized);
 
 }  // namespace silhouette

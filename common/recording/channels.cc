@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/recording/channels.h"
+#include "common/recording/channels.h"
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
@@ -96,6 +96,16 @@ std::string CompressedImageOf(const std::string& jpeg, absl::Time taken) {
   fields.SetString(message.get(), type.FindFieldByName("data"), jpeg);
   fields.SetString(message.get(), type.FindFieldByName("format"), "jpeg");
   return message->SerializeAsString();
+}
+
+absl::StatusOr<std::string> JpegOfCompressedImage(const std::string& serialized) {
+  google::protobuf::DynamicMessageFactory factory;
+  const Descriptor& type = CompressedImageType();
+  const std::unique_ptr<google::protobuf::Message> message(factory.GetPrototype(&type)->New());
+  if (!message->ParseFromString(serialized)) {
+    return absl::DataLossError("a camera image of the recording cannot be parsed");
+  }
+  return message->GetReflection()->GetString(*message, type.FindFieldByName("data"));
 }
 
 }  // namespace silhouette

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a Recorder writes, as a Recording finds it again.
+#include "common/recording/recording.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "tests/test_folder.h"
+
+namespace silhouette {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+const absl::Time kStart = absl::FromUnixSeconds(1'769'860'800);
+
+absl::Time After(double seconds) { return kStart + absl::Seconds(seconds); }
+
+class RecordingTest : public ::testing::Test {
+ protected:
+  static v1::GetDatabaseResponse Database() {
+    v1::GetDatabaseResponse database;
+    database.set_cell_name("cell");
+    database.set_generation(3);
+    database.add_views()->set_name("left");
+    return database;
+  }
+  RecordingTest() : recorder({.folder = folder}, Database()) {}
+
+  static v1::WatchScenesResponse Scene(uint64_t id) {
+    v1::WatchScenesResponse news;
+    news.mutable_scene()->set_id(id);
+    return news;
+  }
+  static v1::WatchScenesResponse State(v1::Verdict::Reason unknown = {}) {
+    v1::WatchScenesResponse news;
+    news.mutable_state()->set_unknown_reason(unknown);
+    return news;
+  }
+  static v1::WatchScenesResponse Path(uint64_t id, v1::Verdict::State state) {
+    v1::WatchScenesResponse news;
+    v1::WatchedPath& path = *news.add_paths();
+    path.set_id(id);
+    path.mutable_answer()->mutable_check()->mutable_verdict()->set_state(state);
+    return news;
+  }
+
+  std::vector<std::string> Files(const std::string& prefix) const {
+    std::vector<std::string> files;
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().filename().string().starts_with(prefix)) files.push_back(entry.path());
+    }
+    std::ranges::sort(files);
+    return files;
+  }
+  // What the only file of all has.
+  std::unique_ptr<Recording> Read(const std::string& prefix = "recording-") {
+    EXPECT_TRUE(recorder.Close().ok());
+    const std::vector<std::string> files = Files(prefix);
+    EXPECT_THAT(files, SizeIs(1));
+    auto recording = Recording::Open(files.at(0));
+    EXPECT_TRUE(recording.ok()) << recording.status();
+    return *std::move(recording);
+  }
+  static uint64_t SceneAt(Recording& recording, double seconds) {
+    const auto moment = recording.At(After(seconds), absl::Seconds(1));
+    EXPECT_TRUE(moment.ok()) << moment.status();
+    return moment.ok() && moment->scene ? moment->scene->id() : 0;
+  }
+
+  const std::string folder = FreshFolder();
+  Recorder recorder;
+};
+
+TEST_F(RecordingTest, AMomentHasTheNewestSceneBeforeIt) {
+  recorder.Take(State(), After(0));
+  for (int i = 0; i < 100; ++i) {
+    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
+    if (i % 7 != 0) continue;
+    ASSERT_TRUE(recorder.Flush(After(0.1 * i)).ok());
+  }
+  const auto recording = Read();
+  EXPECT_EQ(recording->summary().cell, "cell");
+  EXPECT_THAT(recording->summary().scenes, SizeIs(100));
+  // In any order.
+  for (const int i : {50, 3, 98, 0, 51, 52}) {
+    EXPECT_EQ(SceneAt(*recording, 0.1 * i + 0.05), static_cast<uint64_t>(i + 1));
+  }
+}
+
+TEST_F(RecordingTest, AGapHasNoScene) {
+  recorder.Take(State(), After(0));
+  recorder.Take(Scene(1), After(0));
+  recorder.Take(Scene(2), After(10));
+  const auto recording = Read();
+  EXPECT_EQ(SceneAt(*recording, 1), 1u);
+  EXPECT_EQ(SceneAt(*recording, 1.001), 0u);
+  EXPECT_EQ(SceneAt(*recording, 9.999), 0u);
+  EXPECT_EQ(SceneAt(*recording, 10), 2u);
+}
+
+TEST_F(RecordingTest, BeforeTheStartAndAfterTheEndThereIsNothing) {
+  recorder.Take(State(), After(0));
+  recorder.Take(Scene(1), After(1));
+  const auto recording = Read();
+  for (const double outside : {-0.001, 1.001}) {
+    EXPECT_EQ(recording->At(After(outside), absl::Seconds(1)).status().code(),
+              absl::StatusCode::kOutOfRange);
+  }
+  EXPECT_TRUE(recording->At(After(0), absl::Seconds(1)).ok());
+  EXPECT_TRUE(recording->At(After(1), absl::Seconds(1)).ok());
+}
+
+TEST_F(RecordingTest, PathsAreThoseThatWereWatchedThenWithTheirNewestAnswer) {
+  recorder.Take(Path(7, v1::Verdict::STATE_FREE), After(0));
+  recorder.Take(Path(7, v1::Verdict::STATE_OCCUPIED), After(1));
+  v1::WatchScenesResponse end;
+  end.add_paths()->set_id(7);
+  end.mutable_paths(0)->set_ended(true);
+  recorder.Take(end, After(2));
+  const auto recording = Read();
+  const auto states = [&](double seconds) {
+    std::vector<int> found;
+    for (const RecordedPath& path : recording->At(After(seconds), absl::Seconds(1))->paths) {
+      found.push_back(path.path.answer().check().verdict().state());
+    }
+    return found;
+  };
+  EXPECT_THAT(states(0.5), ElementsAre(v1::Verdict::STATE_FREE));
+  EXPECT_THAT(states(1), ElementsAre(v1::Verdict::STATE_OCCUPIED));
+  EXPECT_THAT(states(2), IsEmpty());
+  ASSERT_THAT(recording->summary().stops, SizeIs(1));
+  EXPECT_EQ(recording->summary().stops[0].time, After(1));
+}
+
+TEST_F(RecordingTest, ALostServerIsUnknownAndItsPathsEnd) {
+  recorder.Take(State(), After(0));
+  recorder.Take(Scene(1), After(0));
+  recorder.Take(Path(1, v1::Verdict::STATE_FREE), After(0));
+  recorder.Lose(After(0.5));
+  // It was restarted: its first path is another.
+  recorder.Take(State(), After(4));
+  EXPECT_THAT(recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), After(4)), IsEmpty());
+  const auto recording = Read();
+  EXPECT_THAT(recording->summary().stops, IsEmpty());
+  const auto lost = recording->At(After(0.6), absl::Seconds(1));
+  EXPECT_EQ(lost->state->unknown_reason(), v1::Verdict::REASON_NO_SCENE);
+  EXPECT_THAT(lost->paths, IsEmpty());
+  EXPECT_THAT(recording->At(After(4), absl::Seconds(1))->paths, SizeIs(1));
+}
+
+TEST_F(RecordingTest, AnExcerptBeginsWithTheStateThatHeldThen) {
+  recorder.Take(State(v1::Verdict::REASON_VARIANT_UNKNOWN), After(0));
+  recorder.Take(Path(1, v1::Verdict::STATE_FREE), After(0));
+  for (int i = 0; i < 340; ++i) recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
+  recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), After(34));
+  const auto recording = Read("stop-");
+  const absl::Time start = recording->summary().start;
+  EXPECT_EQ(start, After(4));
+  const auto moment = recording->At(start, absl::Seconds(1));
+  ASSERT_TRUE(moment->state);
+  EXPECT_EQ(moment->state->unknown_reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
+}
+
+TEST_F(RecordingTest, AClockThatIsSetBackBeginsAnotherFile) {
+  recorder.Take(State(), After(100));
+  recorder.Take(Scene(1), After(100));
+  recorder.Take(Scene(2), After(50));
+  recorder.Take(Scene(3), After(100));
+  recorder.Take(Scene(4), After(49));
+  ASSERT_TRUE(recorder.Close().ok());
+  std::vector<std::vector<absl::Time>> times;
+  for (const std::string& file : Files("recording-")) {
+    const auto recording = Recording::Open(file);
+    ASSERT_TRUE(recording.ok());
+    times.push_back((*recording)->summary().scenes);
+    EXPECT_TRUE((*recording)->At(times.back()[0], absl::Seconds(1))->state) << file;
+  }
+  EXPECT_THAT(times, ElementsAre(ElementsAre(After(49)), ElementsAre(After(50), After(100)),
+                                 ElementsAre(After(100))));
+}
+
+TEST_F(RecordingTest, PicturesAreThoseOfTheTimeOfTheScene) {
+  v1::WatchScenesResponse picture;
+  picture.add_images()->set_view("left");
+  picture.mutable_images(0)->set_jpeg("jpeg");
+  recorder.Take(picture, After(0));
+  recorder.Take(Scene(1), After(0.2));
+  recorder.Take(Scene(2), After(0.9));
+  const auto recording = Read();
+  const auto pictures = [&](double seconds) {
+    return recording->At(After(seconds), absl::Seconds(1))->pictures;
+  };
+  EXPECT_THAT(pictures(0.2), ElementsAre(::testing::Pair("left", "jpeg")));
+  EXPECT_THAT(pictures(0.9), IsEmpty());
+}
+
+TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
+  for (int i = 0; i < 50; ++i) {
+    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
+    ASSERT_TRUE(recorder.Flush(After(0.1 * i)).ok());
+  }
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::string file = Files("recording-").at(0);
+  const uint64_t size = fs::file_size(file);
+  const std::string cut = folder + "/cut";
+  fs::copy_file(file, cut);
+  fs::resize_file(cut, size / 2);
+  const auto recording = Recording::Open(cut);
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  EXPECT_TRUE((*recording)->summary().cut);
+  const auto scenes = (*recording)->summary().scenes.size();
+  EXPECT_GT(scenes, 0u);
+  EXPECT_LT(scenes, 50u);
+  // A changed byte is an error that names the file, if it does not cut it.
+  int errors = 0;
+  const auto whole = Recording::Open(file);
+  for (uint64_t at = 50; at < size; at += 97) {
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekg(static_cast<std::streamoff>(at));
+    const auto byte = static_cast<char>(bytes.get());
+    const auto put = [&](char value) {
+      bytes.seekp(static_cast<std::streamoff>(at));
+      bytes.put(value).flush();
+    };
+    put(static_cast<char>(byte ^ 0x55));
+    const absl::Status damaged = Recording::Open(file).status();
+    if (!damaged.ok()) {
+      ++errors;
+      EXPECT_THAT(std::string(damaged.message()), HasSubstr(file));
+    }
+    // Changed after it was opened: never another scene.
+    const auto moment = (*whole)->At(After(2.05), absl::Seconds(1));
+    EXPECT_TRUE(!moment.ok() || moment->scene->id() == 21u);
+    put(byte);
+  }
+  EXPECT_GT(errors, 10);
+}
+
+}  // namespace
+}  // namespace silhouette
