@@ -151,6 +151,7 @@ absl::Status McapReader::TakeChannel(std::string_view content) {
 }
 
 absl::Status McapReader::TakeChunk(std::string_view content) {
+  chunk_record_ = 0;  // of none, unless it is whole
   Fields fields(content);
   fields.Take<uint64_t>();  // times of its messages
   fields.Take<uint64_t>();

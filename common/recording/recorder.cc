@@ -86,6 +86,14 @@ void Recorder::AddImages(const v1::WatchScenesResponse& news) {
   }
 }
 
+void Recorder::Update(v1::GetDatabaseResponse database, absl::Time now) {
+  const std::string before = database_.calibration_check().SerializeAsString();
+  database_ = std::move(database);
+  if (database_.calibration_check().SerializeAsString() == before) return;
+  Advance(now);
+  Add(kDatabaseChannel, now_, database_.SerializeAsString());
+}
+
 std::vector<RecordedStop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time now) {
   Advance(now);
   if (news.has_state()) {

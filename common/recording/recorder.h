@@ -34,14 +34,17 @@ struct RecordedStop {
   v1::WatchedPath path;
 };
 
-// Of one database. Not thread-safe. Errors are of the disk: what was not written is written later,
-// as McapRotation says.
+// Of one generation of a database. Not thread-safe. Errors are of the disk: what was not written is
+// written later, as McapRotation says.
 class Recorder {
  public:
   // Throws std::invalid_argument for settings that cannot be.
   Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse database);
 
   const v1::GetDatabaseResponse& database() const { return database_; }
+  // From `now` on. `database`: of the same generation; what may have changed is the check of the
+  // calibration.
+  void Update(v1::GetDatabaseResponse database, absl::Time now);
 
   // Adds a message that arrived at `now`, and returns the stops in it. If the clock was set back,
   // new files begin: the times of a file never step back.
@@ -72,7 +75,7 @@ class Recorder {
   void AddState();
   void AddImages(const v1::WatchScenesResponse& news);
 
-  const v1::GetDatabaseResponse database_;
+  v1::GetDatabaseResponse database_;
   const bool only_stops_;
   McapRotation all_;
   EventExcerpts stops_;

@@ -30,8 +30,11 @@ absl::StatusOr<std::unique_ptr<Recording>> Recording::Open(const std::string& pa
     if (!message) break;
     RETURN_IF_ERROR(recording->Take(*message));
   }
-  recording->summary_.cell = recording->database_.cell_name();
-  recording->summary_.generation = recording->database_.generation();
+  if (!recording->databases_.empty()) {
+    const v1::GetDatabaseResponse& database = recording->databases_.front().second;
+    recording->summary_.cell = database.cell_name();
+    recording->summary_.generation = database.generation();
+  }
   recording->summary_.cut = recording->reader_->cut();
   return recording;
 }
@@ -42,7 +45,8 @@ absl::Status Recording::Take(const McapReader::Message& message) {
   // Times of a file do not step back; those of a damaged clock are those of the message before.
   const Entry entry{.time = std::max(message.logged, summary_.end), .place = message.place};
   if (type == "silhouette.v1.GetDatabaseResponse") {
-    RETURN_IF_ERROR(Parse(message, database_));
+    databases_.emplace_back(entry.time, v1::GetDatabaseResponse());
+    RETURN_IF_ERROR(Parse(message, databases_.back().second));
   } else if (type == "silhouette.v1.ServedState") {
     states_.push_back(entry);
   } else if (type == "silhouette.v1.Scene") {
@@ -101,7 +105,9 @@ absl::StatusOr<RecordedMoment> Recording::At(absl::Time time, absl::Duration lon
                                               "replay ", path_, "' shows from when to when it is"));
   }
   RecordedMoment moment;
-  moment.database = database_;
+  for (const auto& [from, database] : databases_) {
+    if (from <= time) moment.database = database;
+  }
   if (const Entry* state = Newest(states_, time)) {
     RETURN_IF_ERROR(Read(*state, moment.state.emplace()));
   }

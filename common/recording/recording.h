@@ -86,7 +86,7 @@ class Recording {
   const std::string path_;
   const std::unique_ptr<McapReader> reader_;
   RecordingSummary summary_;
-  v1::GetDatabaseResponse database_;
+  std::vector<std::pair<absl::Time, v1::GetDatabaseResponse>> databases_;
   std::vector<Entry> scenes_;
   std::vector<Entry> states_;
   // A client that watches again has a new entry: ids are unique only in the life of a server.

@@ -9,6 +9,8 @@
 #include <array>
 #include <memory>
 
+#include "absl/status/status.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "server/gate/roles.h"
 
@@ -28,15 +30,24 @@ std::vector<std::string> NamesOf(const grpc_auth_context* context) {
   return names;
 }
 
-std::string UserAt(int connection) {
-  ucred peer{};
-  socklen_t size = sizeof(peer);
-  if (getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return "";
+absl::StatusOr<uid_t> UserNamed(const std::string& name) {
+  uid_t number = 0;
+  if (name.starts_with("uid ") && absl::SimpleAtoi(name.substr(4), &number)) return number;
   passwd entry{};
   passwd* found = nullptr;
   std::array<char, 16384> text{};
-  getpwuid_r(peer.uid, &entry, text.data(), text.size(), &found);
-  return found == nullptr ? absl::StrCat("uid ", peer.uid) : std::string(found->pw_name);
+  getpwnam_r(name.c_str(), &entry, text.data(), text.size(), &found);
+  if (found != nullptr) return found->pw_uid;
+  return absl::NotFoundError(absl::StrCat("server: roles: this machine has no user '",
+                                          PrintableName(name),
+                                          "'; correct the name, or say 'uid NUMBER'"));
+}
+
+std::optional<uid_t> UserAt(int connection) {
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  if (getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
+  return peer.uid;
 }
 
 std::string CallerOf(grpc::CallbackServerContext& context) {

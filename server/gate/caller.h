@@ -3,9 +3,13 @@
 #pragma once
 
 #include <grpcpp/server_context.h>
+#include <sys/types.h>
 
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "absl/status/statusor.h"
 
 struct grpc_auth_context;
 
@@ -18,9 +22,10 @@ inline constexpr char kUserProperty[] = "user";
 // one, then alternative names), or the user. Empty: neither is known.
 std::vector<std::string> NamesOf(const grpc_auth_context* context);
 
-// The user of this machine that has the other end of a Unix socket's connection: the name, or
-// "uid NUMBER" if it has none. Empty: the system does not say.
-std::string UserAt(int connection);
+// The user of this machine of that name, or of the number in "uid 1234". NotFound: there is none.
+absl::StatusOr<uid_t> UserNamed(const std::string& name);
+// The user that has the other end of a Unix socket's connection; nothing: the system does not say.
+std::optional<uid_t> UserAt(int connection);
 
 // A caller for people: the first of NamesOf and its address without the port, or the address alone.
 // Printable and bounded.

@@ -46,8 +46,8 @@ bool StaysOnThisMachine(const std::string& address);
 absl::Status CheckGate(const std::string& address, const GateSettings& settings);
 
 // What a server takes connections with. Calls that settings.roles does not permit end with
-// PERMISSION_DENIED before any service has them. `user`: UserAt the connections of a Unix socket;
-// empty otherwise. Errors: those of ReadTls.
+// PERMISSION_DENIED before any service has them. `user`: whom settings.roles name, at the other end
+// of a Unix socket; empty: another, or it is none. Errors: those of ReadTls.
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
     const GateSettings& settings, const std::string& user, Denied denied);
 

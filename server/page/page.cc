@@ -258,7 +258,7 @@ struct CellPage::Http {
 
   ~Http() {
     if (changes != nullptr) changes->End();
-    WaitForStart(std::chrono::hours(1));  // stop() does not end a server that is yet to start
+    WaitForStart(kLongestStart);  // stop() does not end a server that is yet to start
     server.stop();
     if (thread.joinable()) thread.join();
   }
@@ -279,7 +279,11 @@ struct CellPage::Http {
     for (const char* const call : kPageCalls) {
       server.Post(call, [&serving, role, call](const httplib::Request& request,
                                                httplib::Response& response) {
-        if (!FromThisPage(request)) return Refuse(response, 403, "Another site asks.");
+        if (!FromThisPage(request)) {
+          serving.AuditFirst("page " + request.remote_addr, "call.denied", call);
+          return Refuse(response, 403,
+                        "Only the page itself may ask: with its origin, and as application/json.");
+        }
         const absl::Status done =
             AnswerPageCall(serving, role, call, request.body, request.remote_addr);
         if (!done.ok()) return Refuse(response, HttpCodeOf(done), std::string(done.message()));

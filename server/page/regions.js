@@ -131,7 +131,7 @@ const drawn = () => viewsOf(snapshot).filter((view) => draft[view.name]);
 const named = () => $("region-name").value.trim();
 
 function drawRegions(shown, known) {
-  if (shown !== snapshot || !shown || shown.error) return;  // a newer one is drawn, or none can be
+  if (shown !== snapshot || !shown || !shown.database) return;  // a newer one is drawn, or none can be
   if (generation !== shown.database.generation) draft = {};
   generation = shown.database.generation;
   if (!mayAllow() && drawing) return setDrawing(false);
@@ -165,7 +165,7 @@ function drawList(shown) {
   const inForce = shown.regions.map(({ name, pixels }) => ({ name, pixels }));
   fill($("region-list"), [inForce, role], () => inForce.length === 0
     ? [element("li", "note", mayAllow() ? "None is in force."
-      : "None is in force. This page is read-only: see 'silhouette region'.")]
+      : replaying ? "None was in force." : "None is in force. This page is read-only: see 'silhouette region'.")]
     : inForce.map(({ name, pixels }) => {
       const where = Object.entries(pixels).map(([view, n]) => `${view} ${n}`).join(", ");
       const item = element("li", "", "", element("b", "", name), element("span", "left"),
@@ -183,7 +183,7 @@ function drawList(shown) {
 
 // Counts down by the server's running clock.
 function drawTimes() {
-  if (snapshot === null || snapshot.error) return;
+  if (snapshot === null || !snapshot.database) return;
   for (const item of $("region-list").querySelectorAll("li[data-region]")) {
     const region = snapshot.regions.find((of) => of.name === item.dataset.region);
     const left = region ? region.remaining - since() : 0;
@@ -213,6 +213,7 @@ async function call(method, request) {
 
 async function allow() {
   $("region-confirm").close();
+  if (!judge().known) return text($("region-error"), "The page shows nothing current: nothing is allowed.");
   const views = drawn().map((view) => ({ view: view.name, mask: maskOf(draft[view.name], view) }));
   if (await call("AllowRegion", { name: named(), duration: `${lasting()}s`, views })) setDrawing(false);
 }

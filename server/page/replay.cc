@@ -93,17 +93,19 @@ absl::StatusOr<Scene> SceneOf(const RecordedMoment& moment, const ServedDatabase
   return scene;
 }
 
-// Allows the regions of then, at the moment of the clock.
+// Allows the regions of then, with the time that was left at the moment of the clock.
 absl::Status AllowRegions(const v1::ServedState& state, const Moment& now, Serving& serving) {
   const std::shared_ptr<const ServedDatabase> database = serving.scenes.database();
   for (const v1::AllowedRegion& region : state.regions()) {
+    const absl::Duration left = WallTimeOf(region.end_time()) - now.time;
+    if (left <= absl::ZeroDuration()) continue;
     v1::AllowRegionRequest request;
     *request.mutable_views() = region.views();
     ASSIGN_OR_RETURN(auto pixels, RegionPixelsFrom(request, *database));
-    RETURN_IF_ERROR(
-        serving.scenes
-            .Allow(region.name(), std::move(pixels), AllowedRegions::kLongest, now, database)
-            .status());
+    RETURN_IF_ERROR(serving.scenes
+                        .Allow(region.name(), std::move(pixels),
+                               std::min(left, AllowedRegions::kLongest), now, database)
+                        .status());
   }
   return absl::OkStatus();
 }
@@ -129,10 +131,12 @@ absl::StatusOr<std::unique_ptr<Replay>> Replay::Open(const std::string& path,
     return FailedPrecondition(path, ": the recording is of the cell '", summary.cell,
                               "', and the cell file is of '", served.cell_name(), "'");
   }
+  RETURN_IF_ERROR(database->CanServe(policy));
   ServingSettings frozen;
   frozen.policy = policy;
   frozen.scene = settings.scene;
   frozen.segmentation = settings.segmentation;
+  frozen.joint_slides = settings.joint_slides;
   frozen.map_time = absl::ZeroDuration();
   frozen.index_check = {.rate = 0, .samples = 0};
   frozen.worker_threads = 1;
@@ -199,8 +203,8 @@ absl::StatusOr<json> Replay::Show(int64_t time, const SliceChoice& choice) const
   if (moment.scene) {
     ASSIGN_OR_RETURN(Scene scene, SceneOf(moment, *database_, settings_));
     RETURN_IF_ERROR(serving.scenes.Publish(std::move(scene), database_).status());
-    RETURN_IF_ERROR(AllowRegions(*moment.state, now, serving));
   }
+  if (moment.state) RETURN_IF_ERROR(AllowRegions(*moment.state, now, serving));
   std::vector<std::shared_ptr<WatchedPath>> paths;
   for (const RecordedPath& path : moment.paths) {
     paths.push_back(serving.watched_paths.Add(path.path.client(), path.path.request()));

@@ -20,8 +20,9 @@ namespace silhouette {
 // Times are whole milliseconds since 1970; those of the recording are rounded up. Thread-safe.
 class Replay {
  public:
-  // `settings`: policy and scene of the cell; the rest is not used. Errors: those of
-  // Recording::Open. FailedPrecondition: the recording is empty, or of another cell.
+  // `settings`: policy, scene, segmentation and joint_slides of the cell; the rest is not used.
+  // Errors: those of Recording::Open and ServedDatabase::CanServe. FailedPrecondition: the
+  // recording is empty, or of another cell.
   static absl::StatusOr<std::unique_ptr<Replay>> Open(
       const std::string& path, std::shared_ptr<const ServedDatabase> database,
       const ServingSettings& settings);

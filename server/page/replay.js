@@ -30,7 +30,7 @@ function judgeRecorded() {
 
 async function ask(path) {
   const answer = await fetch(path);
-  if (!answer.ok) throw new Error(await answer.text());
+  if (!answer.ok) throw new Error(`The server refuses: ${(await answer.text()).trim()}`);
   return answer.json();
 }
 
@@ -47,7 +47,8 @@ async function show() {
       failed = "";
     } while (asked !== `moment?time=${position}&${slice()}`);
   } catch (error) {
-    failed = "Connection lost: this is not the moment that was asked for";
+    const refused = error.message.startsWith("The server refuses");
+    failed = `${refused ? error.message : "Connection lost"}: this is not the moment that was asked for`;
     pause();
   }
   busy = false;

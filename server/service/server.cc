@@ -13,16 +13,16 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "grpc/health/v1/health.pb.h"
 #include "server/gate/caller.h"
 #include "server/gate/credentials.h"
 #include "server/service/calls.h"
-#include "grpc/health/v1/health.pb.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
@@ -111,23 +111,27 @@ absl::StatusOr<std::unique_ptr<Listener>> OpenGuarded(const std::string& address
   return listener;
 }
 
-// What takes connections, by the user at their other end; "": all others.
+// What takes connections, by the user at their other end; nothing: all others.
 using Acceptors =
-    std::map<std::string, std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor>>;
+    std::map<std::optional<uid_t>, std::shared_ptr<grpc::experimental::ExternalConnectionAcceptor>>;
 
 // gRPC does not say who is at the other end of a Unix socket: each user that has a role gets an
 // acceptor that knows.
 absl::StatusOr<Acceptors> AddAcceptors(const std::string& address, const GateSettings& gate,
                                        const Denied& denied, grpc::ServerBuilder& builder) {
-  std::vector<std::string> users = {""};
-  if (address.starts_with("unix:")) {
-    for (std::string& user : gate.roles.names()) users.push_back(std::move(user));
-  }
   Acceptors acceptors;
-  for (const std::string& user : users) {
-    ASSIGN_OR_RETURN(const auto credentials, CredentialsFor(gate, user, denied));
-    acceptors[user] = builder.experimental().AddExternalConnectionAcceptor(
-        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, credentials);
+  const auto add = [&](std::optional<uid_t> number, const std::string& user) {
+    const auto credentials = CredentialsFor(gate, user, denied);
+    if (!credentials.ok()) return credentials.status();
+    acceptors[number] = builder.experimental().AddExternalConnectionAcceptor(
+        grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, *credentials);
+    return absl::OkStatus();
+  };
+  RETURN_IF_ERROR(add(std::nullopt, ""));
+  if (!address.starts_with("unix:")) return acceptors;
+  for (const std::string& user : gate.roles.names()) {
+    ASSIGN_OR_RETURN(const uid_t number, UserNamed(user));
+    RETURN_IF_ERROR(add(number, user));
   }
   return acceptors;
 }
@@ -172,9 +176,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
     parameters.listener_fd = listener;
     parameters.fd = connection;
-    const auto of_user =
-        acceptors.size() == 1 ? acceptors.end() : acceptors.find(UserAt(connection));
-    (of_user == acceptors.end() ? acceptors.at("") : of_user->second)
+    const auto of_user = acceptors.find(UserAt(connection));
+    (of_user == acceptors.end() ? acceptors.at(std::nullopt) : of_user->second)
         ->HandleNewConnection(&parameters);
   });
   grpc::HealthCheckServiceInterface* health = server->server_->GetHealthCheckService();

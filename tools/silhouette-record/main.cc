@@ -97,12 +97,15 @@ class Program {
                                    absl::ToDoubleSeconds(now - *lost_since_)));
       lost_since_.reset();
     }
-    // A file is of one database.
-    if (!recorder_ || (news.has_state() &&
-                       news.state().database_generation() != recorder_->database().generation())) {
+    // A file is of one generation. A new state may be that of another check of the calibration.
+    if (!recorder_ || news.has_state()) {
       ASSIGN_OR_RETURN(auto database, client_.GetDatabase());
-      CloseFiles();
-      recorder_.emplace(arguments_.recorder, std::move(database));
+      if (recorder_ && database.generation() == recorder_->database().generation()) {
+        recorder_->Update(std::move(database), now);
+      } else {
+        CloseFiles();
+        recorder_.emplace(arguments_.recorder, std::move(database));
+      }
     }
     for (const RecordedStop& stop : recorder_->Take(news, now)) NoteStop(stop);
     return absl::OkStatus();

@@ -98,6 +98,23 @@ TEST_F(RecordingTest, AMomentHasTheNewestSceneBeforeIt) {
   }
 }
 
+TEST_F(RecordingTest, ACheckOfTheCalibrationHoldsFromItsTimeOn) {
+  recorder.Take(Scene(1), After(0));
+  v1::GetDatabaseResponse doubtful = Database();
+  doubtful.mutable_calibration_check()->set_message("camera 'left' has moved");
+  recorder.Update(doubtful, After(1));
+  recorder.Take(Scene(2), After(1));
+  recorder.Update(doubtful, After(2));  // nothing new
+  recorder.Take(Scene(3), After(2));
+  const auto recording = Read();
+  EXPECT_FALSE(recording->At(After(0.5), absl::Seconds(1))->database.has_calibration_check());
+  for (const double seconds : {1.0, 2.0}) {
+    EXPECT_EQ(
+        recording->At(After(seconds), absl::Seconds(1))->database.calibration_check().message(),
+        "camera 'left' has moved");
+  }
+}
+
 TEST_F(RecordingTest, AGapHasNoScene) {
   recorder.Take(State(), After(0));
   recorder.Take(Scene(1), After(0));
@@ -242,6 +259,11 @@ TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
     // Changed after it was opened: never another scene.
     const auto moment = (*whole)->At(After(2.05), absl::Seconds(1));
     EXPECT_TRUE(!moment.ok() || moment->scene->id() == 21u);
+    // Nor after a moment that could not be read.
+    const auto other = (*whole)->At(After(4.05), absl::Seconds(1));
+    EXPECT_TRUE(!other.ok() || other->scene->id() == 41u);
+    const auto again = (*whole)->At(After(2.05), absl::Seconds(1));
+    EXPECT_TRUE(!again.ok() || again->scene->id() == 21u);
     put(byte);
   }
   EXPECT_GT(errors, 10);

@@ -2,6 +2,7 @@
 // A server behind its gate: who gets in, what each may do, and what is recorded.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <pwd.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -147,7 +148,7 @@ std::string ThisUser() { return getpwuid(getuid())->pw_name; }
 
 TEST_F(GateTest, UserAtTheOtherEndOfAUnixSocketHasItsRole) {
   GateSettings gate;
-  gate.roles = Roles({{Role::kPlanner, {ThisUser()}}, {Role::kPublisher, {"nobody-here"}}});
+  gate.roles = Roles({{Role::kPlanner, {ThisUser()}}, {Role::kPublisher, {"nobody"}}});
   Start(gate, "unix:" + (FreshFolder() / "socket").string());
   EXPECT_THAT(AllowedFor(ClientOf({})),
               ElementsAre("check", "explain", "read", "read regions", "space", "watch"));
@@ -156,10 +157,18 @@ TEST_F(GateTest, UserAtTheOtherEndOfAUnixSocketHasItsRole) {
 
 TEST_F(GateTest, UserWithoutARoleMayDoNothing) {
   GateSettings gate;
-  gate.roles = Roles({{Role::kAdministrator, {"nobody-here"}}});
+  gate.roles = Roles({{Role::kAdministrator, {getuid() == 0 ? "nobody" : "root"}}});
   Start(gate, "unix:" + (FreshFolder() / "socket").string());
   EXPECT_THAT(AllowedFor(ClientOf({})), testing::IsEmpty());
   EXPECT_THAT(Ask({}).message(), HasSubstr("a user without a role"));
+}
+
+TEST_F(GateTest, RolesOfUsersThatThisMachineDoesNotHaveAreRefused) {
+  ServingSettings settings;
+  settings.gate.roles = Roles({{Role::kPlanner, {"uid 1234", "nobody-here"}}});
+  const auto refused = Server::Start("unix:" + (FreshFolder() / "socket").string(), NewDatabase(),
+                                     std::move(settings));
+  EXPECT_THAT(refused.status().message(), HasSubstr("no user 'nobody-here'"));
 }
 
 TEST(UserAt, IsWhoConnectedNotWhoListens) {
@@ -173,18 +182,21 @@ TEST(UserAt, IsWhoConnectedNotWhoListens) {
   ASSERT_EQ(listen(listener, 2), 0);
   std::filesystem::permissions(path, std::filesystem::perms::all);
   std::filesystem::permissions(path.parent_path(), std::filesystem::perms::all);
-  for (const auto& [uid, user] : {std::pair(uid_t{65534}, "nobody"), {61234, "uid 61234"}}) {
+  EXPECT_EQ(UserNamed("nobody").value(), 65534u);
+  for (const uid_t uid : {uid_t{65534}, uid_t{61234}}) {
     const pid_t child = fork();
     if (child == 0) {
       const int connection = socket(AF_UNIX, SOCK_STREAM, 0);
       const bool connected =
           setresuid(uid, uid, uid) == 0 &&
           connect(connection, reinterpret_cast<const sockaddr*>(&name), sizeof(name)) == 0;
+      if (!connected) _exit(1);
       pause();
-      _exit(connected ? 0 : 1);
     }
+    pollfd ready{.fd = listener, .events = POLLIN, .revents = 0};
+    ASSERT_EQ(poll(&ready, 1, 20'000), 1);
     const int accepted = accept(listener, nullptr, nullptr);
-    EXPECT_EQ(UserAt(accepted), user);
+    EXPECT_EQ(UserAt(accepted), uid);
     close(accepted);
     kill(child, SIGKILL);
     waitpid(child, nullptr, 0);

@@ -177,7 +177,7 @@ TEST_F(PageRegions, ARoleIsNeverGivenToOtherMachines) {
 
 TEST_F(PageRegions, ClientsThatAskTooOftenAreRefused) {
   ServingSettings settings;
-  settings.limits.calls_per_second = 1;
+  settings.limits.calls_per_second = 0.01;
   TestServer strict(NewDatabase({.index = true}), settings);
   page = StartPage(strict, Role::kOperator);
   Post(kRevoke, R"({"name": "part"})");

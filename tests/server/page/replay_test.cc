@@ -34,7 +34,7 @@ TEST(Replay, AMomentIsShownAsThePageShowedIt) {
   const auto replay = cell.Open();
   for (const size_t i : {2, 0, 1}) {
     const json shown = replay->At(live[i].first, {});
-    for (const char* part : {"scene", "views", "space", "present", "blocked", "max_age"}) {
+    for (const char* part : {"scene", "views", "space", "present", "blocked", "max_age", "units"}) {
       EXPECT_EQ(shown[part], live[i].second[part]) << part;
     }
     EXPECT_EQ(shown["basis"]["scene_id"], live[i].second["basis"]["scene_id"]);
@@ -123,6 +123,7 @@ TEST(Replay, AllowedRegionsAreThoseOfThen) {
   EXPECT_EQ(shown["basis"]["regions"], json({"part"}));
   EXPECT_EQ(shown["space"], live["space"]);
   EXPECT_EQ(shown["views"], live["views"]);
+  EXPECT_EQ(shown["regions"], live["regions"]);
 }
 
 TEST(Replay, AStopIsOnTheTimeLineWithItsEvidence) {
@@ -149,7 +150,7 @@ TEST(Replay, AStopIsOnTheTimeLineWithItsEvidence) {
   EXPECT_TRUE(shown["replay"]["next"].is_null());
 }
 
-TEST(Replay, OtherCellsAndDamagedFilesAreRefused) {
+TEST(Replay, OtherCellsAndMissingFilesAreRefused) {
   RecordedServer cell;
   cell.Scene(SceneWithBlock(2));
   cell.Open();
