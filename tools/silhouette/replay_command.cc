@@ -23,6 +23,8 @@
 namespace silhouette {
 namespace {
 
+// Between looks at Ctrl-C.
+constexpr absl::Duration kLookWhileFeeding = absl::Milliseconds(50);
 // How long the server is watched for scenes of others.
 constexpr absl::Duration kQuiet = absl::Milliseconds(1200);
 // A scene that was recorded longer before a moment does not stand for it: there is a gap.
@@ -31,7 +33,8 @@ constexpr absl::Duration kLongest = absl::Seconds(1);
 struct ReplayArguments {
   std::string file;
   std::string to;  // empty: nowhere
-  std::string at;  // empty: a summary
+  double speed = 1;
+  std::string at;  // empty: all scenes, or without `to` a summary
   PathArguments path;
 };
 
@@ -187,6 +190,44 @@ std::string UnknownThen(const RecordedMoment& moment) {
   return NameOf(client::FromMessage(moment.state->unknown_reason()));
 }
 
+// Waits; false if the user has had enough.
+bool WaitUntil(absl::Time time) {
+  while (!StopRequested() && absl::Now() < time) {
+    std::this_thread::sleep_for(
+        absl::ToChronoMilliseconds(std::min(time - absl::Now(), kLookWhileFeeding)));
+  }
+  return !StopRequested();
+}
+
+absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arguments) {
+  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  ASSIGN_OR_RETURN(const auto server, ReplayServer::Connect(session, arguments.to));
+  CatchStopSignals();
+  const absl::Time began = absl::Now();
+  const RecordingSummary& summary = recording->summary();
+  uint64_t published = 0;
+  uint64_t unknown = 0;
+  for (const absl::Time time : summary.scenes) {
+    if (!WaitUntil(began + (time - summary.scenes.front()) / arguments.speed)) break;
+    ASSIGN_OR_RETURN(RecordedMoment moment, recording->At(time, kLongest));
+    if (published == 0) RETURN_IF_ERROR(CompareDatabases(server->client(), moment.database));
+    if (const std::string why = UnknownThen(moment); !why.empty()) {
+      moment.scene->add_defects()->set_message(why);  // it goes without joint values
+      ++unknown;
+    }
+    RETURN_IF_ERROR(server->Publish(*moment.scene, moment.state.value_or(v1::ServedState())));
+    ++published;
+  }
+  PrintResult(session.format, Json({{"scenes", published}, {"without_joints", unknown}}),
+              absl::StrCat(published, " scenes published",
+                           unknown == 0 ? ""
+                                        : absl::StrCat(", ", unknown,
+                                                       " of them without joint values, as nothing "
+                                                       "was known then"),
+                           "\n"));
+  return kDone;
+}
+
 // "free", "occupied", "unknown: no scene"
 std::string SaidThen(const v1::WatchedPath& path) {
   const v1::Verdict& verdict = path.answer().check().verdict();
@@ -294,36 +335,42 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
 
 absl::StatusOr<ExitCode> Replay(const Session& session, const ReplayArguments& arguments) {
   if (!arguments.at.empty()) return AskAt(session, arguments);
-  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty() || !arguments.to.empty()) {
+  if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
     return InvalidArgument("give the moment that is asked about, with --at");
   }
-  return Summarize(session, arguments);
+  return arguments.to.empty() ? Summarize(session, arguments) : Feed(session, arguments);
 }
 
 }  // namespace
 
 void AddReplayCommand(CLI::App& program, Session& session) {
   CLI::App* command = program.add_subcommand(
-      "replay", "Summarise a recording of silhouette-record, or ask about a moment of it");
+      "replay",
+      "Summarise a recording of silhouette-record, replay it, or ask about a moment of it");
   auto arguments = std::make_shared<ReplayArguments>();
   command->add_option("recording", arguments->file, "An MCAP file of silhouette-record")
       ->required();
   command->add_option(
       "--to", arguments->to,
-      "With --at: the server that is asked. It serves the recording's database, and "
-      "no planner\nuses it");
+      "Publish the scenes to the server at this address: one that serves the recording's\n"
+      "database and that no planner relies on");
+  command->add_option("--speed", arguments->speed, "Playback speed factor")
+      ->check(PositiveNumber())
+      ->capture_default_str();
   command->add_option("--at", arguments->at,
-                      "A time, or one after the file's beginning, 12.5s: publish the scene of that "
-                      "moment and check\nthe path, or all that clients watched, e.g. with another "
+                      "Only the scene of this moment: a time, or one after the file's beginning, "
+                      "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
                       "--preset");
   AddPathArguments(*command, session, arguments->path);
   AddVerdictOptions(*command, session);
   command->footer(
-      "Without --at: from when to when it is, and its stops. To look at it: silhouette-server "
+      "Without --to and --at: from when to when it is, and its stops. To look at it: "
+      "silhouette-server "
       "--replay.\n"
       "Exit code 1 if a path is not free at that moment.\n\n"
       "Example:\n"
       "  silhouette replay recordings/stop-20260131T120000.123Z.mcap\n"
+      "  silhouette replay stop.mcap --to 127.0.0.1:50052 --speed 0.5\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s --preset paper\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --at 29.5s 0.1,0.2 0.5,0.2");
   Runs(*command, session, Replay, arguments);
