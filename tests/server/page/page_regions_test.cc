@@ -150,8 +150,10 @@ TEST_F(PageRegions, LimitsAreThoseOfTheApi) {
   EXPECT_EQ(Listed().regions_size(), 0);
 }
 
+// A refusal ends the connection, maybe before all is sent: then there is no answer.
 TEST_F(PageRegions, BodiesAreBounded) {
-  EXPECT_EQ(Post(kAllow, std::string(CellPage::kMostBody + 1, ' ')), 413);
+  EXPECT_THAT(Post(kAllow, std::string(CellPage::kMostBody, ' ') + Part()),
+              testing::AnyOf(413, -1));
   // Of a chunked body nobody knows the length.
   httplib::Client client("http://" + page->address());
   const auto chunked = client.Post(
@@ -163,7 +165,7 @@ TEST_F(PageRegions, BodiesAreBounded) {
         return true;
       },
       kJson);
-  EXPECT_EQ(chunked->status, 411);
+  EXPECT_TRUE(!chunked || chunked->status == 411);
   EXPECT_EQ(Listed().regions_size(), 0);
 }
 
