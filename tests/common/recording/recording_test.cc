@@ -148,7 +148,8 @@ TEST_F(RecordingTest, PathsAreThoseThatWereWatchedThenWithTheirNewestAnswer) {
   const auto recording = Read();
   const auto states = [&](double seconds) {
     std::vector<int> found;
-    for (const RecordedPath& path : recording->At(After(seconds), absl::Seconds(1))->paths) {
+    const auto moment = recording->At(After(seconds), absl::Seconds(1));
+    for (const RecordedPath& path : moment->paths) {
       found.push_back(path.path.answer().check().verdict().state());
     }
     return found;
