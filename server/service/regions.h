@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Allows and revokes regions, whoever asks: a client of the API or the page. Each change is written
-// to the log and, if changes are recorded, to the audit log.
+// Allows and revokes regions, for clients of the API and for the page. Each change is written to
+// the log and, if changes are recorded, to the audit log.
 #pragma once
 
 #include <string>

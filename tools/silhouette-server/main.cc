@@ -219,7 +219,10 @@ absl::Status ShowRecording(const Options& options) {
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   if (!options.preset.empty()) {
     const std::optional<Preset> preset = PresetFromName(options.preset);
-    if (!preset) return InvalidArgument("--preset ", options.preset, ": there is no such preset");
+    if (!preset) {
+      return InvalidArgument("--preset ", options.preset,
+                             ": there is no such preset; docs/concepts.md has them all");
+    }
     cell.policy.preset = *preset;
     cell.choose_preset = false;
   }

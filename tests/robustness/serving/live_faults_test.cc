@@ -70,7 +70,7 @@ class LiveFaults : public testing::TestWithParam<std::string> {
       free_ = undisturbed.Free();
     }
     ASSERT_FALSE(free_.empty()) << undisturbed.Log();
-    ASSERT_LT(free_.size(), cell_->Records()) << "the ball is in nobody's way";
+    ASSERT_LT(free_.size(), cell_->Records()) << "the ball blocks no configuration";
   }
   static void TearDownTestSuite() { delete cell_; }
 

@@ -154,7 +154,7 @@ TEST_F(PageRegions, LimitsAreThoseOfTheApi) {
 TEST_F(PageRegions, BodiesAreBounded) {
   EXPECT_THAT(Post(kAllow, std::string(CellPage::kMostBody, ' ') + Part()),
               testing::AnyOf(413, -1));
-  // Of a chunked body nobody knows the length.
+  // The length of a chunked body is not known before it is read.
   httplib::Client client("http://" + page->address());
   const auto chunked = client.Post(
       kAllow, Own(*page),

@@ -43,7 +43,7 @@ class RecordedServer {
     change(*news.mutable_scene());
     Take(news);
   }
-  // Records that a client is told of the way from (0, 4) to (4, 4).
+  // Records the answer to a client that watches the path from (0, 4) to (4, 4).
   void Path() {
     v1::WatchScenesResponse news;
     v1::WatchedPath& path = *news.add_paths();
