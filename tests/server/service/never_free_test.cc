@@ -241,7 +241,7 @@ TEST(NeverFreeLate, SceneThatBecomesTooOldWhileTheAnswerIsMade) {
   EXPECT_EQ(checked.verdicts(0).reason(), v1::Verdict::REASON_SCENE_STALE);
   EXPECT_FALSE(checked.verdicts(0).has_clearance());
   EXPECT_FALSE(checked.verdicts(0).views(0).has_distance());
-  EXPECT_EQ(checked.basis().scene_age().seconds(), 1);
+  EXPECT_GE(checked.basis().scene_age().seconds(), 1);
   fresh();
   const v1::CheckPathResponse path = server.Path({At(1, 0), At(0, 0)}, true);
   EXPECT_EQ(path.verdict().reason(), v1::Verdict::REASON_SCENE_STALE);
