@@ -51,6 +51,10 @@ double EdgeOf(const SoundCell& cell, const Eigen::AlignedBox3d& zone) {
   return cell.separation->voxel_edge.value_or(std::clamp(fitting, rho / 6, rho / 3));
 }
 
+void KeepOnly(VoxelSet& voxels, const VoxelSet& kept) {
+  for (size_t i = 0; i < voxels.words().size(); ++i) voxels.words()[i] &= kept.words()[i];
+}
+
 // The voxels of `grid` in which all is reached (VoxelSpace) by the robot.
 VoxelSet WhollyIn(const VoxelSpace& space, const VoxelGrid& grid) {
   const OtherGrid other(grid, space.grid());
@@ -96,10 +100,11 @@ SeparationBasis::SeparationBasis(const SeparationCell& cell,
       space_(std::move(space)),
       range_(range) {
   VoxelSet seen = space_.reached();
-  for (size_t i = 0; i < seen.words().size(); ++i) seen.words()[i] &= space_.seen().words()[i];
+  KeepOnly(seen, space_.seen());
   const auto all = static_cast<double>(space_.reached().Count());
   unseen_share_ = all > 0 ? 1 - static_cast<double>(seen.Count()) / all : 0;
-  counted_ = cell.unseen_is_empty ? std::move(seen) : space_.reached();
+  unseen_is_empty_ = cell.unseen_is_empty;
+  counted_ = unseen_is_empty_ ? std::move(seen) : space_.reached();
   const VoxelSet near = WhollyIn(sound_->space(), space_.grid());
   for (size_t i = 0; i < near.words().size(); ++i) counted_.words()[i] &= ~near.words()[i];
 }
@@ -137,8 +142,10 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
   const PossibleSpace far(space_, images, sound_->RobotAt(space_, joints), allowed,
                           max_occluded_views);
   VoxelSet people = far.remaining();
-  for (size_t i = 0; i < people.words().size(); ++i) people.words()[i] &= counted_.words()[i];
-  return SpaceDistances({{people, space_.grid()}, {near.remaining(), near.space().grid()}}, range_);
+  KeepOnly(people, counted_);
+  VoxelSet close = near.remaining();
+  if (unseen_is_empty_) KeepOnly(close, near.space().seen());
+  return SpaceDistances({{people, space_.grid()}, {close, near.space().grid()}}, range_);
 }
 
 }  // namespace silhouette

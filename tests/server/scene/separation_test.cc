@@ -26,11 +26,11 @@ struct SeparationTest : DrawnSceneTest {
         .unseen_is_empty = true};
   }
 
-  void Serve(SeparationCell with) {
+  void Serve(SeparationCell with, double ceiling = 1.8) {
     sound =
         SoundCell{.settings = {.least_obstacle = 0.2, .voxel_edge = 0.04, .model_tolerance = 0.005},
                   .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(-1.1, -1.1, 0),
-                                                   Eigen::Vector3d(1.1, 1.1, 1.8)),
+                                                   Eigen::Vector3d(1.1, 1.1, ceiling)),
                   .payload_radius = 0,
                   .robot = model};
     with.settings.levels = {{"slow", 0.25, 0.1, 0.02}, {"fast", 1, 0.3, 0.2}};
@@ -118,6 +118,20 @@ TEST_F(SeparationTest, WhatNoViewSeesMayHoldSomebody) {
       CheckerOf(InputOf(now, {}), kSound).Distance(std::vector<Configuration>{now}, {});
   ASSERT_TRUE(possible);
   EXPECT_LT(possible->distance, database->separation()->range() - kLargestBall);
+}
+
+TEST_F(SeparationTest, UnseenSpaceThatIsStatedEmptyIsEmptyInTheWorkspaceToo) {
+  const Configuration now = {0, 0};
+  const auto at_start = [&](bool unseen_is_empty) {
+    SeparationCell with = Seen();
+    with.unseen_is_empty = unseen_is_empty;
+    Serve(with, 2.8);
+    const auto path =
+        CheckerOf(InputOf(now, {}), kSound).Distance(std::vector<Configuration>{now}, {});
+    return path ? path->at_start : -1;
+  };
+  EXPECT_LT(at_start(false), database->separation()->range() - kLargestBall);
+  EXPECT_GT(at_start(true), database->separation()->range() - kLargestBall);
 }
 
 TEST_F(SeparationTest, OnlyTheHorizonCounts) {
