@@ -64,7 +64,7 @@ Acquisition::Acquisition(const LiveConfig& config, LiveScenes scenes, JointsBetw
       life_(config.live.life, HaveNoise(cell, config.without_noise)),
       helpers_(config.live.threads) {}
 
-absl::Status Acquisition::Take(ImageSet set) {
+absl::Status Acquisition::Take(GrabbedImages set) {
   const std::shared_ptr<const ServedDatabase> database = scenes_.database();
   if (!database->has_references()) {
     return absl::FailedPreconditionError("the database has no reference images any more");
@@ -106,7 +106,7 @@ void Acquisition::NoteUnusable(size_t view, const absl::Status& why, SceneInput&
 }
 
 std::vector<std::optional<Acquisition::LiveImage>> Acquisition::UsableImages(
-    ImageSet set, const ServedDatabase& database, SceneInput& input) {
+    GrabbedImages set, const ServedDatabase& database, SceneInput& input) {
   std::vector<std::optional<LiveImage>> images(set.images.size());
   for (size_t view = 0; view < images.size(); ++view) {
     absl::StatusOr<CameraImage>& image = set.images[view];

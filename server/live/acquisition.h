@@ -48,7 +48,7 @@ using JointsBetween = std::function<absl::StatusOr<std::vector<JointPosition>>(
     absl::Duration first, absl::Duration last)>;
 
 // A set of images as the cameras gave it: asked for at `asked`, complete at `arrived`.
-struct ImageSet {
+struct GrabbedImages {
   std::vector<absl::StatusOr<CameraImage>> images;  // by view of the cell
   Moment asked;
   Moment arrived;
@@ -64,7 +64,7 @@ class Acquisition {
 
   // Publishes the scene of the set, if there is one. What is wrong is recorded; an error if none of
   // the images can be used.
-  absl::Status Take(ImageSet set);
+  absl::Status Take(GrabbedImages set);
 
  private:
   struct LiveImage {
@@ -73,7 +73,8 @@ class Acquisition {
   };
   // The images of the views that can be used, by view of the cell; nothing for the others, which
   // `input` says the reasons of.
-  std::vector<std::optional<LiveImage>> UsableImages(ImageSet set, const ServedDatabase& database,
+  std::vector<std::optional<LiveImage>> UsableImages(GrabbedImages set,
+                                                     const ServedDatabase& database,
                                                      SceneInput& input);
   // `database` has reference images.
   absl::StatusOr<SharedScene> Publish(const std::shared_ptr<const ServedDatabase>& database,

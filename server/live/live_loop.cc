@@ -123,7 +123,7 @@ absl::Status LiveLoop::TakeSet() {
   if (cameras_ == nullptr) {
     RETURN_IF_ERROR(OpenCameras());
   }
-  ImageSet set{.images = {}, .asked = config_.clock(), .arrived = {}};
+  GrabbedImages set{.images = {}, .asked = config_.clock(), .arrived = {}};
   std::vector<absl::StatusOr<CameraImage>> grabbed = cameras_->GrabEach();
   set.arrived = config_.clock();
   if (grabbed.size() != cameras_->views().size()) {

@@ -76,37 +76,32 @@ absl::StatusOr<std::vector<std::string>> MethodsOf(const std::vector<std::string
   return methods;
 }
 
-absl::Status CheckVideo(const PeopleArguments& arguments) {
-  if (arguments.video.empty()) return absl::OkStatus();
+// Null: none is asked for.
+absl::StatusOr<std::unique_ptr<Video>> OpenVideo(const PeopleArguments& arguments, size_t views) {
+  if (arguments.video.empty()) return nullptr;
   if (arguments.masks != "rendered" || arguments.episodes != 1 || arguments.methods.size() != 1) {
     return absl::InvalidArgumentError(
         "--video shows one episode of one method through the cameras; add --masks rendered "
         "--episodes 1 --methods silhouette");
   }
-  return absl::OkStatus();
+  ASSIGN_OR_RETURN(Video video, Video::Open(arguments.video, views, kVideoRate));
+  return std::make_unique<Video>(std::move(video));
 }
 
-// The study's only episode, with its video.
+// The study's only episode.
 absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study& study,
-                                                const std::string& path) {
+                                                Video& video) {
   const std::string& method = study.methods.front();
-  if (!MakeMethod(method, stage.rule())->policy()) {
-    return absl::InvalidArgumentError(absl::StrCat("the method '", method,
-                                                   "' does not look through cameras; --video "
-                                                   "shows one that does, such as silhouette"));
-  }
-  ASSIGN_OR_RETURN(Video video,
-                   Video::Open(path, static_cast<size_t>(stage.database()->views()), kVideoRate));
   ASSIGN_OR_RETURN(Counts counts, RunEpisode(stage, study.episode, 0, method, &video));
   return std::vector<EpisodeResult>{{0, method, std::move(counts)}};
 }
 
 absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
-  RETURN_IF_ERROR(CheckVideo(arguments));
   CatchStopSignals();
   spdlog::set_level(spdlog::level::off);  // what the acquisition says of each episode
   ASSIGN_OR_RETURN(const SimulatedWorkplace workplace,
                    SimulatedWorkplace::Load(arguments.cell, arguments.database));
+  ASSIGN_OR_RETURN(const auto video, OpenVideo(arguments, workplace.cell().views.size()));
   ASSIGN_OR_RETURN(const auto database, ServePeople(workplace, arguments));
   ASSIGN_OR_RETURN(const auto methods, MethodsOf(arguments.methods, *database));
   ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database));
@@ -119,12 +114,12 @@ absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   study.episode.rendered = arguments.masks == "rendered";
   Progress progress("people", methods.size() * static_cast<size_t>(arguments.episodes),
                     "episodes of a method");
-  ASSIGN_OR_RETURN(
-      const auto results,
-      arguments.video.empty()
-          ? RunStudy(
-                stage, study, [&](size_t done) { progress.Update(done); }, StopRequested)
-          : Film(stage, study, arguments.video));
+  ASSIGN_OR_RETURN(const auto results,
+                   video != nullptr ? Film(stage, study, *video)
+                                    : RunStudy(
+                                          stage, study, [&](size_t done) { progress.Update(done); },
+                                          StopRequested));
+  progress.Update(results.size());
   const std::vector<MethodFigures> figures = FiguresOf(results, methods);
   const nlohmann::ordered_json json = JsonOf(figures);
   if (!arguments.out.empty()) {

@@ -28,7 +28,7 @@ struct Counts {
   double moving = 0;
   double too_fast = 0;  // moving, nearer than the protective distance, and not away
   double leaving = 0;   // moving away, nearer than that
-  int scenes = 0;       // that decisions rest on
+  int scenes = 0;       // that were looked at
   // By reason: with a defect, or no scene at all ("no scene"); then no verdict is free. `unusable`:
   // scenes with any.
   int unusable = 0;

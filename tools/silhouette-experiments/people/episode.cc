@@ -61,7 +61,7 @@ class Episode {
             stage.stations().front(),
             [this](auto from, auto to) { return MovementOf(stage_.robot(), from, to); },
             stage.rule().acceleration) {
-    if (!settings.rendered || !method.policy()) return;
+    if (!settings.rendered || (!method.policy() && video == nullptr)) return;
     rendered_.emplace(stage.workplace(), stage.database(), people_.size(),
                       StreamOf(settings.seed, static_cast<uint64_t>(episode), 3));
   }
@@ -157,12 +157,12 @@ class Episode {
     decision_ = {};
     // While it picks or places until after the next decision, nobody has to look; cameras do.
     const double period = stage_.rule().period;
-    if (method_.policy() && (rendered_ || now_ + 2 * period > dwells_until_)) {
+    if (rendered_ || (method_.policy() && now_ + 2 * period > dwells_until_)) {
       ASSIGN_OR_RETURN(seen_, Look());
     }
     if (now_ < dwells_until_) return absl::OkStatus();
     std::optional<Checker> checker;
-    if (scene) {
+    if (scene && method_.policy()) {
       checker.emplace(
           Served{.database = stage_.database(), .scene = scene, .without_scene = Reason::kNone},
           *method_.policy(), stage_.workplace().cell().server.scene, MomentAt(now_));
@@ -248,7 +248,7 @@ class Episode {
     if (now_ < dwells_until_) allowed = "at a station";
     const double distance = truth_.Distance(robot_.at(), kFarthest);
     video_->Add(
-        sight_, absl::StrFormat("%5.1f s   speed level: %s", now_, allowed),
+        sight_, absl::StrFormat("%.1f s   speed level: %s", now_, allowed),
         absl::StrFormat("robot %.2f m/s   people %s%.2f m away", robot_.speed(),
                         distance < kFarthest ? "" : "more than ", std::min(distance, kFarthest)));
   }

@@ -53,8 +53,8 @@ class Stage {
 // Radius about the base's axis within which the whole robot always is, metres.
 double ReachOf(const SimulatedWorkplace& workplace);
 
-// The same arguments give the same result, but for processor_seconds. `video`: gets what a rendered
-// episode shows, if the method looks; null: none. Errors of MakeScene.
+// The same arguments give the same result, but for processor_seconds. `video`: gets what the
+// cameras see in a rendered episode; null: none. Errors of MakeScene.
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
                                   const std::string& method, Video* video = nullptr);
 // Pictures of a video that is as fast as the episode.

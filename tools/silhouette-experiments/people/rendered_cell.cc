@@ -60,7 +60,7 @@ Sight RenderedCell::Look(std::span<const double> q, std::span<const Eigen::Isome
   cell_.SetPositions(workplace_.Positions(q));
   cell_.SetTime(begins_ + absl::ToDoubleSeconds(now.running));
   Sight sight{.images = cell_.TakeImages(workplace_.cameras()), .scene = nullptr};
-  ImageSet set{.images = {}, .asked = now, .arrived = now};
+  GrabbedImages set{.images = {}, .asked = now, .arrived = now};
   for (CameraImage& image : sight.images) {
     image.captured = now.time;
     set.images.emplace_back(image);
