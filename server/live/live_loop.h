@@ -5,7 +5,6 @@
 #include <functional>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -14,17 +13,9 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/devices/devices.h"
-#include "capture/segmentation/settings.h"
-#include "capture/segmentation/slow_light.h"
-#include "server/live/helpers.h"
-#include "server/live/image_judge.h"
+#include "server/live/acquisition.h"
 #include "server/live/joint_history.h"
 #include "server/live/live_record.h"
-#include "server/live/live_settings.h"
-#include "server/live/proof_of_life.h"
-#include "server/scene/make_scene.h"
-#include "server/scene/scene.h"
-#include "server/scene/served_database.h"
 
 namespace silhouette {
 
@@ -34,22 +25,6 @@ using OpenCamerasFunction = std::function<absl::StatusOr<std::unique_ptr<CameraR
 struct LiveDevices {
   OpenCamerasFunction open_cameras;
   OpenRobotFunction open_robot;
-};
-
-// Where scenes go: the functions of SceneStore that the loop calls.
-struct LiveScenes {
-  std::function<std::shared_ptr<const ServedDatabase>()> database;
-  std::function<absl::StatusOr<SharedScene>(Scene, const std::shared_ptr<const ServedDatabase>&)>
-      publish;
-};
-
-struct LiveConfig {
-  LiveSettings live;
-  SceneSettings scene;
-  SegmentationSettings segmentation;
-  Clock clock = SystemClock;
-  // The views whose sources have no noise.
-  std::set<std::string> without_noise = {};
 };
 
 // One thread takes images, another asks the robot. Nothing that a device does ends them: what is
@@ -77,45 +52,16 @@ class LiveLoop {
   // One set of images; an error if none of its images can be had.
   absl::Status TakeSet();
   absl::Status OpenCameras();
-  struct LiveImage {
-    CameraImage image;
-    Moment taken;  // as ImageJudge::Judge
-  };
-  // The images of the views that can be used, by view of the cell; nothing for the others, which
-  // `input` says the reasons of.
-  std::vector<std::optional<LiveImage>> UsableImages(
-      std::vector<absl::StatusOr<CameraImage>> grabbed, const Moment& asked, const Moment& arrived,
-      const ServedDatabase& database, SceneInput& input);
-  // `database` has reference images.
-  absl::StatusOr<SharedScene> Publish(const std::shared_ptr<const ServedDatabase>& database,
-                                      const std::vector<std::optional<LiveImage>>& images,
-                                      const Moment& arrived, SceneInput input);
-  // Records that a view's image cannot be used.
-  void NoteUnusable(size_t view, const absl::Status& why, SceneInput& input);
-  // The views of which the robot's motion does not show that they are frozen; `input` has the
-  // robot's place.
-  std::vector<bool> MovedWithTheRobot(const ServedDatabase& database,
-                                      const std::vector<std::optional<LiveImage>>& images,
-                                      const std::vector<const Mask*>& masks, SceneInput& input);
 
   const LiveConfig config_;
-  const LiveScenes scenes_;
   const std::shared_ptr<LiveRecord> record_;
   const storage::v1::CellDescription cell_;
   OpenCamerasFunction open_cameras_;
   std::unique_ptr<CameraRig> cameras_;  // null: to be opened
   std::vector<size_t> places_;          // in the rig, by view of the cell
-  ImageJudge judge_;
-  ProofOfLife life_;
-  // What the light has slowly become, by view, since the references of this database were made;
-  // begun again with another database.
-  std::shared_ptr<const ServedDatabase> light_of_;
-  std::vector<SlowLight> lights_;
-  std::vector<absl::Duration> since_learnt_;
-  absl::Duration lights_learnt_;  // running clock of the newest image set
-  Helpers helpers_;
   std::optional<JointPoller> joints_;
-  std::jthread thread_;  // last: it uses the others
+  Acquisition acquisition_;  // uses joints_
+  std::jthread thread_;      // last: it uses the others
 };
 
 }  // namespace silhouette

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments people
+#include <spdlog/spdlog.h>
+
 #include <memory>
 #include <optional>
 
@@ -24,6 +26,8 @@ struct PeopleArguments {
   std::string out;
   std::string format = "text";
   std::string images = "captured";
+  std::string masks = "geometry";
+  std::string video;
   std::vector<std::string> methods;
   int episodes = 20;
   double least_obstacle = 0.16;
@@ -72,25 +76,50 @@ absl::StatusOr<std::vector<std::string>> MethodsOf(const std::vector<std::string
   return methods;
 }
 
+// Null: none is asked for.
+absl::StatusOr<std::unique_ptr<Video>> OpenVideo(const PeopleArguments& arguments, size_t views) {
+  if (arguments.video.empty()) return nullptr;
+  if (arguments.masks != "rendered" || arguments.episodes != 1 || arguments.methods.size() != 1) {
+    return absl::InvalidArgumentError(
+        "--video shows one episode of one method through the cameras; add --masks rendered "
+        "--episodes 1 --methods silhouette");
+  }
+  ASSIGN_OR_RETURN(Video video, Video::Open(arguments.video, views, kVideoRate));
+  return std::make_unique<Video>(std::move(video));
+}
+
+// The study's only episode.
+absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study& study,
+                                                Video& video) {
+  const std::string& method = study.methods.front();
+  ASSIGN_OR_RETURN(Counts counts, RunEpisode(stage, study.episode, 0, method, &video));
+  return std::vector<EpisodeResult>{{0, method, std::move(counts)}};
+}
+
 absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   CatchStopSignals();
+  spdlog::set_level(spdlog::level::off);  // what the acquisition says of each episode
   ASSIGN_OR_RETURN(const SimulatedWorkplace workplace,
                    SimulatedWorkplace::Load(arguments.cell, arguments.database));
+  ASSIGN_OR_RETURN(const auto video, OpenVideo(arguments, workplace.cell().views.size()));
   ASSIGN_OR_RETURN(const auto database, ServePeople(workplace, arguments));
   ASSIGN_OR_RETURN(const auto methods, MethodsOf(arguments.methods, *database));
   ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database));
-  const Study study{
-      .episode = arguments.episode,
-      .episodes = arguments.episodes,
-      .methods = methods,
-      .file = arguments.out.empty() ? "" : absl::StrCat(arguments.out, "/episodes.jsonl"),
-      .basis =
-          absl::StrCat(workplace.cell().name, " ", arguments.images, " ", database->generation())};
+  Study study{.episode = arguments.episode,
+              .episodes = arguments.episodes,
+              .methods = methods,
+              .file = arguments.out.empty() ? "" : absl::StrCat(arguments.out, "/episodes.jsonl"),
+              .basis = absl::StrCat(workplace.cell().name, " ", arguments.images, " ",
+                                    database->generation())};
+  study.episode.rendered = arguments.masks == "rendered";
   Progress progress("people", methods.size() * static_cast<size_t>(arguments.episodes),
                     "episodes of a method");
   ASSIGN_OR_RETURN(const auto results,
-                   RunStudy(
-                       stage, study, [&](size_t done) { progress.Update(done); }, StopRequested));
+                   video != nullptr ? Film(stage, study, *video)
+                                    : RunStudy(
+                                          stage, study, [&](size_t done) { progress.Update(done); },
+                                          StopRequested));
+  progress.Update(results.size());
   const std::vector<MethodFigures> figures = FiguresOf(results, methods);
   const nlohmann::ordered_json json = JsonOf(figures);
   if (!arguments.out.empty()) {
@@ -122,6 +151,14 @@ void AddPeopleCommand(CLI::App& program, Run& run) {
                    "Robot images that verdicts rest on; 'drawn': nothing is captured")
       ->check(CLI::IsMember({"captured", "drawn"}))
       ->capture_default_str();
+  command
+      ->add_option("--masks", arguments->masks,
+                   "What scenes are made of: masks drawn from geometry, with errors; or rendered\n"
+                   "camera images, through the live server's acquisition")
+      ->check(CLI::IsMember({"geometry", "rendered"}))
+      ->capture_default_str();
+  command->add_option("--video", arguments->video,
+                      "Film one rendered episode of one method into this file, .mp4 or .avi");
   command
       ->add_option("--least-obstacle", arguments->least_obstacle,
                    "Radius for the sound presets and distances, if the cell does not state it, m")

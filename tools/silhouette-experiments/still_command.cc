@@ -22,6 +22,7 @@
 #include "db/status/status_macros.h"
 #include "server/live/live_loop.h"
 #include "server/scene/configuration_space.h"
+#include "tools/cell/live_config.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/cell/scenes.h"
 #include "tools/silhouette-experiments/cell/simulated_workplace.h"
@@ -185,13 +186,8 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
     views.push_back({view.name, view.image_width, view.image_height});
     names.push_back(view.name);
   }
-  const ServerSettings& server = workplace.cell().server;
-  LiveConfig config{
-      .live = server.live, .scene = server.scene, .segmentation = workplace.cell().segmentation};
+  LiveConfig config = LiveConfigOf(workplace.cell());
   config.live.interval = absl::ZeroDuration();
-  for (const ViewSettings& view : workplace.cell().views) {
-    if (!view.has_noise) config.without_noise.insert(view.name);
-  }
   if (arguments.weak_rim != "cell") {
     config.scene.weak_rim =
         arguments.weak_rim == "unknown" ? WeakRim::kUnknown : WeakRim::kObstacle;

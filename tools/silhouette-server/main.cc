@@ -42,6 +42,7 @@
 #include "server/service/server.h"
 #include "tools/cell/cell.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/live_config.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-server/cell_database.h"
 
@@ -173,11 +174,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
   ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
-  LiveConfig config{
-      .live = cell.server.live, .scene = cell.server.scene, .segmentation = cell.segmentation};
-  for (const ViewSettings& view : cell.views) {
-    if (!view.has_noise) config.without_noise.insert(view.name);
-  }
+  LiveConfig config = LiveConfigOf(cell);
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return LiveLoop::Start(
       config, {.open_cameras = std::move(openers.cameras), .open_robot = std::move(openers.robot)},

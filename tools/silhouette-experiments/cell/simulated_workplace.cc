@@ -97,19 +97,23 @@ std::vector<double> SimulatedWorkplace::Positions(std::span<const double> config
   return positions;
 }
 
+absl::Status SimulatedWorkplace::TakeReferenceImages(Database& database) const {
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
+  if (stored) return absl::OkStatus();
+  ASSIGN_OR_RETURN(auto rig, SimulatedCameraRig::Create(simulation_, ViewsOf(cell_)));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
+  simulation_->SetObstacles({});
+  simulation_->SetRobotPresent(false);
+  const auto references = TakeReferences(cameras, cell_.capture.reference_images);
+  simulation_->SetRobotPresent(true);
+  if (!references.ok()) return references.status();
+  return database.SetReferences(*references, kProgram);
+}
+
 absl::Status SimulatedWorkplace::Capture(Database& database,
                                          const CaptureObserver& observer) const {
   ASSIGN_OR_RETURN(auto rig, SimulatedCameraRig::Create(simulation_, ViewsOf(cell_)));
-  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
-  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
-  if (!stored) {
-    ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
-    simulation_->SetRobotPresent(false);
-    const auto references = TakeReferences(cameras, cell_.capture.reference_images);
-    simulation_->SetRobotPresent(true);
-    if (!references.ok()) return references.status();
-    RETURN_IF_ERROR(database.SetReferences(*references, kProgram));
-  }
   ASSIGN_OR_RETURN(const auto records, ReadRecords(database));
   const Travel travel(cell_.grid, cell_.capture.forbidden_regions);
   ASSIGN_OR_RETURN(const auto plan,
@@ -146,6 +150,7 @@ absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
   auto database = OpenOrCreate(path, cell_);
   if (!database.ok()) return database.status();
   simulation_->SetObstacles({});
+  RETURN_IF_ERROR(TakeReferenceImages(**database));
   RETURN_IF_ERROR(Capture(**database, observer));
   RETURN_IF_ERROR(Calibrate(**database));
   return database;
@@ -154,6 +159,7 @@ absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
 absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenUncaptured(
     const std::string& path) const {
   ASSIGN_OR_RETURN(auto database, OpenOrCreate(path, cell_));
+  RETURN_IF_ERROR(TakeReferenceImages(*database));
   RETURN_IF_ERROR(Calibrate(*database));
   return database;
 }

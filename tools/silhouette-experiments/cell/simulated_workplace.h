@@ -64,7 +64,7 @@ class SimulatedWorkplace {
   absl::StatusOr<std::unique_ptr<Database>> OpenOrCapture(const std::string& path,
                                                           const CaptureObserver& observer) const;
 
-  // The same without capture: for robot images that are drawn.
+  // The same without robot images: for those that are drawn.
   absl::StatusOr<std::unique_ptr<Database>> OpenUncaptured(const std::string& path) const;
 
   // The database as the server of the cell's file serves it.
@@ -75,6 +75,7 @@ class SimulatedWorkplace {
   SimulatedWorkplace(Cell cell, std::shared_ptr<SimulatedCell> simulation)
       : cell_(std::move(cell)), simulation_(std::move(simulation)) {}
 
+  absl::Status TakeReferenceImages(Database& database) const;
   absl::Status Capture(Database& database, const CaptureObserver& observer) const;
   absl::Status Calibrate(Database& database) const;
 

@@ -18,6 +18,9 @@ void Counts::Add(const Counts& other) {
   moving += other.moving;
   too_fast += other.too_fast;
   leaving += other.leaving;
+  scenes += other.scenes;
+  unusable += other.unusable;
+  for (const auto& [reason, count] : other.defects) defects[reason] += count;
   least_over_stopping = std::min(least_over_stopping, other.least_over_stopping);
   reactions.insert(reactions.end(), other.reactions.begin(), other.reactions.end());
   for (size_t bin = 0; bin < kBins; ++bin) distances[bin] += other.distances[bin];
@@ -36,6 +39,9 @@ nlohmann::ordered_json Counts::ToJson() const {
                                  {"moving", moving},
                                  {"too_fast", too_fast},
                                  {"leaving", leaving},
+                                 {"scenes", scenes},
+                                 {"unusable", unusable},
+                                 {"defects", defects},
                                  {"reactions", reactions},
                                  {"distances", distances},
                                  {"processor_seconds", processor_seconds}};
@@ -56,6 +62,9 @@ Counts Counts::From(const nlohmann::json& json) {
   json.at("moving").get_to(counts.moving);
   json.at("too_fast").get_to(counts.too_fast);
   json.at("leaving").get_to(counts.leaving);
+  json.at("scenes").get_to(counts.scenes);
+  json.at("unusable").get_to(counts.unusable);
+  json.at("defects").get_to(counts.defects);
   json.at("reactions").get_to(counts.reactions);
   json.at("distances").get_to(counts.distances);
   json.at("processor_seconds").get_to(counts.processor_seconds);

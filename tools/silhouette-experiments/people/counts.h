@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -27,13 +28,18 @@ struct Counts {
   double moving = 0;
   double too_fast = 0;  // moving, nearer than the protective distance, and not away
   double leaving = 0;   // moving away, nearer than that
+  int scenes = 0;       // that were looked at
+  // By reason: with a defect, or no scene at all ("no scene"); then no verdict is free. `unusable`:
+  // scenes with any.
+  int unusable = 0;
+  std::map<std::string, int> defects{};
   // Of the distance over the stopping distance, while it moves.
   double least_over_stopping = std::numeric_limits<double>::infinity();
   // How long each command was too fast by the truth.
   std::vector<double> reactions{};
   // Seconds by distance, while it moves.
   std::array<double, kBins> distances{};
-  double processor_seconds = 0;
+  double processor_seconds = 0;  // of the episode's own thread; the renderer has others, too
 
   void Add(const Counts& other);
   double CyclesPerHour() const { return seconds > 0 ? 3600 * cycles / seconds : 0; }

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <ctime>
 #include <optional>
+#include <set>
 #include <utility>
 
+#include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 #include "server/scene/make_scene.h"
 
@@ -40,10 +42,12 @@ uint64_t StreamOf(uint64_t seed, uint64_t episode, uint64_t use) {
 
 class Episode {
  public:
-  Episode(const Stage& stage, const EpisodeSettings& settings, int episode, Method& method)
+  Episode(const Stage& stage, const EpisodeSettings& settings, int episode, Method& method,
+          Video* video)
       : stage_(stage),
         settings_(settings),
         method_(method),
+        video_(video),
         people_(PeopleOf(stage, settings, episode)),
         times_(people_.size(), 0),
         truth_(stage.workplace(), stage.robot(), people_.size()),
@@ -56,7 +60,11 @@ class Episode {
         robot_(
             stage.stations().front(),
             [this](auto from, auto to) { return MovementOf(stage_.robot(), from, to); },
-            stage.rule().acceleration) {}
+            stage.rule().acceleration) {
+    if (!settings.rendered || (!method.policy() && video == nullptr)) return;
+    rendered_.emplace(stage.workplace(), stage.database(), people_.size(),
+                      StreamOf(settings.seed, static_cast<uint64_t>(episode), 3));
+  }
 
   absl::StatusOr<Counts> Run() {
     const double began = ThreadSeconds();
@@ -65,7 +73,10 @@ class Episode {
     for (int64_t tick = 0; tick < ticks; ++tick) {
       now_ = kTick * static_cast<double>(tick);
       truth_.Set(people_, times_);
-      if (tick % kTicksOfDecision == 0) RETURN_IF_ERROR(Decide());
+      if (tick % kTicksOfDecision == 0) {
+        RETURN_IF_ERROR(Decide());
+        if (video_ != nullptr) Film();
+      }
       Count();
       Move();
     }
@@ -89,6 +100,27 @@ class Episode {
   }
 
   absl::StatusOr<SharedScene> Look() {
+    ++counts_.scenes;
+    ASSIGN_OR_RETURN(SharedScene scene, rendered_ ? LookThroughCameras() : LookAtMasks());
+    std::set<std::string> defects;
+    if (scene == nullptr) {
+      defects.insert("no scene");
+    } else {
+      for (const SceneDefect& defect : scene->defects) defects.insert(NameOf(defect.reason));
+    }
+    if (!defects.empty()) ++counts_.unusable;
+    for (const std::string& defect : defects) ++counts_.defects[defect];
+    return scene;
+  }
+
+  absl::StatusOr<SharedScene> LookThroughCameras() {
+    Poses parts;
+    for (size_t i = 0; i < people_.size(); ++i) people_[i].AppendPoses(times_[i], parts);
+    sight_ = rendered_->Look(robot_.at(), parts, MomentAt(now_));
+    return sight_.scene;
+  }
+
+  absl::StatusOr<SharedScene> LookAtMasks() {
     const Cell& cell = stage_.workplace().cell();
     const Moment moment = MomentAt(now_);
     SceneInput input;
@@ -123,14 +155,14 @@ class Episode {
   absl::Status Decide() {
     const SharedScene scene = std::exchange(seen_, nullptr);
     decision_ = {};
-    // While it picks or places until after the next decision, nobody has to look.
+    // While it picks or places until after the next decision, nobody has to look; cameras do.
     const double period = stage_.rule().period;
-    if (method_.policy() && now_ + 2 * period > dwells_until_) {
+    if (rendered_ || (method_.policy() && now_ + 2 * period > dwells_until_)) {
       ASSIGN_OR_RETURN(seen_, Look());
     }
     if (now_ < dwells_until_) return absl::OkStatus();
     std::optional<Checker> checker;
-    if (scene) {
+    if (scene && method_.policy()) {
       checker.emplace(
           Served{.database = stage_.database(), .scene = scene, .without_scene = Reason::kNone},
           *method_.policy(), stage_.workplace().cell().server.scene, MomentAt(now_));
@@ -193,8 +225,7 @@ class Episode {
       return;
     }
     counts_.moving += kTick;
-    const double far = Counts::kBin * static_cast<double>(Counts::kBins);
-    const double distance = truth_.Distance(robot_.at(), far);
+    const double distance = truth_.Distance(robot_.at(), kFarthest);
     const auto bin = static_cast<size_t>(distance / Counts::kBin);
     counts_.distances[std::min(bin, Counts::kBins - 1)] += kTick;
     counts_.least_over_stopping =
@@ -209,20 +240,38 @@ class Episode {
     }
   }
 
+  void Film() {
+    const auto& levels = stage_.rule().separation.levels;
+    const auto level = std::ranges::find(levels, decision_.speed, &SpeedLevel::speed);
+    std::string allowed = level == levels.end() ? "stop" : level->name;
+    if (decision_.leaves) allowed = "leaves";
+    if (now_ < dwells_until_) allowed = "at a station";
+    const double distance = truth_.Distance(robot_.at(), kFarthest);
+    video_->Add(
+        sight_, absl::StrFormat("%.1f s   speed level: %s", now_, allowed),
+        absl::StrFormat("robot %.2f m/s   people %s%.2f m away", robot_.speed(),
+                        distance < kFarthest ? "" : "more than ", std::min(distance, kFarthest)));
+  }
+
   void NoteReaction() {
     if (reaction_ > 0) counts_.reactions.push_back(reaction_);
     reaction_ = 0;
   }
 
-  static constexpr double kSamePlace = 0.001;  // metres
+  // Metres.
+  static constexpr double kSamePlace = 0.001;
+  static constexpr double kFarthest = Counts::kBin * static_cast<double>(Counts::kBins);
 
   const Stage& stage_;
   const EpisodeSettings& settings_;
   Method& method_;
+  Video* const video_;
   const std::vector<Person> people_;
   std::vector<double> times_;  // of their scripts
   Truth truth_;
   TrueMasks masks_;
+  std::optional<RenderedCell> rendered_;
+  Sight sight_;  // the newest of rendered_
   Chance chance_;
   PathFollower robot_;
   Counts counts_;
@@ -281,9 +330,9 @@ absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,
 }
 
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
-                                  const std::string& method) {
+                                  const std::string& method, Video* video) {
   const std::unique_ptr<Method> chosen = MakeMethod(method, stage.rule());
-  return Episode(stage, settings, episode, *chosen).Run();
+  return Episode(stage, settings, episode, *chosen, video).Run();
 }
 
 }  // namespace silhouette::people_experiment

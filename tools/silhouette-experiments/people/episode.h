@@ -10,6 +10,7 @@
 #include "server/scene/served_database.h"
 #include "tools/silhouette-experiments/people/counts.h"
 #include "tools/silhouette-experiments/people/method.h"
+#include "tools/silhouette-experiments/people/video.h"
 
 namespace silhouette::people_experiment {
 
@@ -18,6 +19,8 @@ struct EpisodeSettings {
   uint64_t seed = 1;
   // People stand still while their next step would bring them nearer to the robot than kPeopleStop.
   bool people_stop = false;
+  // Scenes are made of rendered camera images, not of masks drawn with these errors.
+  bool rendered = false;
   SegmentationErrors errors{};
 };
 inline constexpr double kPeopleStop = 0.15;  // metres
@@ -50,8 +53,11 @@ class Stage {
 // Radius about the base's axis within which the whole robot always is, metres.
 double ReachOf(const SimulatedWorkplace& workplace);
 
-// The same arguments give the same result, but for processor_seconds. Errors of MakeScene.
+// The same arguments give the same result, but for processor_seconds. `video`: gets what the
+// cameras see in a rendered episode; null: none. Errors of MakeScene.
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
-                                  const std::string& method);
+                                  const std::string& method, Video* video = nullptr);
+// Pictures of a video that is as fast as the episode.
+inline constexpr double kVideoRate = 10;
 
 }  // namespace silhouette::people_experiment

@@ -55,7 +55,8 @@ std::vector<MethodFigures> FiguresOf(std::span<const EpisodeResult> results,
 std::string TextOf(std::span<const MethodFigures> figures) {
   Table table{.headings = {"method", "cycles/h", "to curtain", "to oracle", "contacts, moving",
                            "contacts", "stops/h", "standing %", "too fast s/h", "leaving s/h",
-                           "reaction s", "least over stopping m", "core s/episode"}};
+                           "reaction s", "least over stopping m", "scenes", "unusable %",
+                           "core s/episode"}};
   for (const auto& [name, counts] : figures) {
     const double hours = counts.seconds / 3600;
     table.rows.push_back({name, absl::StrFormat("%.0f", counts.CyclesPerHour()),
@@ -70,6 +71,8 @@ std::string TextOf(std::span<const MethodFigures> figures) {
                           std::isfinite(counts.least_over_stopping)
                               ? absl::StrFormat("%.2f", counts.least_over_stopping)
                               : std::string("-"),
+                          absl::StrCat(counts.scenes),
+                          absl::StrFormat("%.1f", Percent(counts.unusable, counts.scenes)),
                           absl::StrFormat("%.2f", counts.processor_seconds / counts.episodes)});
   }
   if (figures.empty()) return "";
@@ -95,6 +98,9 @@ nlohmann::ordered_json JsonOf(std::span<const MethodFigures> figures) {
                                   {"moving_seconds", counts.moving},
                                   {"too_fast_seconds", counts.too_fast},
                                   {"leaving_seconds", counts.leaving},
+                                  {"scenes", counts.scenes},
+                                  {"unusable_scenes", counts.unusable},
+                                  {"defects", counts.defects},
                                   {"reaction_seconds_median", Quantile(counts.reactions, 0.5)},
                                   {"reaction_seconds_95", Quantile(counts.reactions, 0.95)},
                                   {"distance_seconds", counts.distances},

@@ -21,6 +21,7 @@ std::string HeaderOf(const Study& study) {
   return nlohmann::ordered_json({{"seconds", study.episode.seconds},
                                  {"seed", study.episode.seed},
                                  {"people_stop", study.episode.people_stop},
+                                 {"rendered", study.episode.rendered},
                                  {"basis", study.basis}})
       .dump();
 }

@@ -81,6 +81,38 @@ TEST_F(PeopleTest, TheSameSeedGivesTheSameResultAndAnotherDoesNot) {
   EXPECT_NE(text(Run("uncalibrated", 2)), first);
 }
 
+TEST_F(PeopleTest, TheSameSeedGivesTheSameRenderedEpisode) {
+  settings_.seconds = 3;
+  settings_.rendered = true;
+  const Counts first = Run("uncalibrated", 1);
+  EXPECT_EQ(Text({{0, "", Run("uncalibrated", 1)}}), Text({{0, "", first}}));
+  EXPECT_EQ(first.scenes, 30) << "one a decision, also while the robot picks";
+}
+
+TEST_F(PeopleTest, APersonBeforeTheCamerasIsSeenAndNobodyElse) {
+  const Person person({{.position = {0.9, 0.3}, .direction = 3, .reach = 0.8}}, 0);
+  Poses there;
+  person.AppendPoses(0, there);
+  Poses away = there;
+  for (Eigen::Isometry3d& pose : away) pose.translation().z() -= 100;
+  RenderedCell cell(*workplace_, stage_->database(), 1, 7);
+  const auto look = [&](const Poses& parts, double seconds) {
+    const absl::Duration running = absl::Seconds(seconds);
+    return cell.Look(stage_->stations().front(), parts, {absl::UnixEpoch() + running, running});
+  };
+  const Sight empty = look(away, 0);
+  const Sight seen = look(there, 0.1);
+  for (const Sight* sight : {&empty, &seen}) {
+    ASSERT_NE(sight->scene, nullptr);
+    EXPECT_EQ(sight->images.size(), 2u);
+    for (const SceneDefect& defect : sight->scene->defects) ADD_FAILURE() << defect.message;
+  }
+  for (size_t view = 0; view < 2; ++view) {
+    EXPECT_EQ(empty.scene->obstacle_images[view]->obstacle().Count(), 0u);
+    EXPECT_GT(seen.scene->obstacle_images[view]->obstacle().Count(), 20u);
+  }
+}
+
 TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
   settings_.seconds = 4;
   Study study{.episode = settings_,

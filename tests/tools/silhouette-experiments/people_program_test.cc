@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// silhouette-experiments people as its users meet it.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
+
+namespace silhouette {
+namespace {
+
+class PeopleProgram : public testing::Test {
+ protected:
+  // The exit code of two seconds; output goes to the files o and e. Coarse voxels take no time.
+  int Run(const std::string& more) const {
+    const std::string line = absl::StrCat(
+        "'", ProgramFolder(), "/silhouette-experiments' people --cell '", files_.cell(),
+        "' --database '", files_.database(), "' --seconds 2 --least-obstacle 0.5 --format json ",
+        more, " >'", files_ / "o", "' 2>'", files_ / "e", "'");
+    return WEXITSTATUS(std::system(line.c_str()));
+  }
+
+  const ProgramCell files_;
+};
+
+TEST_F(PeopleProgram, FilmsARenderedEpisode) {
+  const std::string video = files_ / "people.avi";
+  ASSERT_EQ(Run("--masks rendered --episodes 1 --methods uncalibrated --video '" + video + "'"), 0)
+      << ReadText(files_ / "e");
+  EXPECT_GT(std::filesystem::file_size(video), 10'000u);
+  const auto method = nlohmann::json::parse(ReadText(files_ / "o"))["methods"][0];
+  EXPECT_EQ(method["scenes"], 20);
+  EXPECT_EQ(method["unusable_scenes"], 0);
+}
+
+TEST_F(PeopleProgram, SaysWhatAVideoNeeds) {
+  const std::string one = "--episodes 1 --methods uncalibrated --video ";
+  for (const auto& [arguments, mend] :
+       {std::pair<std::string, std::string>{one + "x.avi", "--masks rendered"},
+        {"--masks rendered --video x.avi", "--episodes 1"},
+        {"--masks rendered " + one + "x.gif", ".mp4 or .avi"}}) {
+    EXPECT_EQ(Run(arguments), 2) << arguments;
+    EXPECT_NE(ReadText(files_ / "e").find(mend), std::string::npos) << ReadText(files_ / "e");
+  }
+}
+
+}  // namespace
+}  // namespace silhouette
