@@ -42,6 +42,9 @@ namespace {
 constexpr double kMostReach = 4;  // pixels beside an edge
 constexpr double kReachInModules = 0.55;
 constexpr double kMostMoved = 1.5;  // pixels, of a corner by the fit
+// The outermost squares may be cut: so much of a side they have at least.
+constexpr double kRimSquare = 0.45;
+constexpr double kMostMovedRim = 1;  // pixels, by an edge between a corner and the board's rim
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
 constexpr double kFirstCornerBlur = 0.8;
@@ -55,6 +58,9 @@ constexpr double kNeighbourRatio = 3.9;
 
 // As TagDetector does not fit narrower modules.
 constexpr double kLeastSideInBlurs = 3.5;
+
+// Pixels at the end of an edge where the next one shows.
+double EndGap(double blur) { return std::max(2.0, 1 + 2 * blur); }
 
 double SigmaOf(double of_fit, double blur, double module) {
   const double neighbours = kNeighbourSigma * std::pow(kNeighbourRatio * blur / module, 5);
@@ -89,7 +95,7 @@ std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image,
                                           double blur) {
   EdgeFitSettings settings;
   settings.reach = std::min(kMostReach, kReachInModules * module);
-  settings.end_gap = std::max(2.0, 1 + 2 * blur);
+  settings.end_gap = EndGap(blur);
   settings.curved = !lens;
   std::vector<Edge> edges;
   for (int i = 0; i < 4; ++i) {
@@ -139,55 +145,110 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image,
 
 namespace {
 
-// The edges of a chessboard between neighbouring corners, in undistorted pixels.
+// The edges of a chessboard between neighbouring corners, and those of the outermost corners to the
+// rim of the board, in undistorted pixels. Ink and exposure move edges towards one colour: the two
+// edges that end at a corner opposite each other move in opposite directions, so the mean of both
+// stays where it is. Every corner has both.
 class ChessEdges {
  public:
   ChessEdges(const cv::Mat& image, const std::optional<CameraModel>& lens,
              const ChessCorners& corners, double room, double blur)
-      : columns_(corners.columns), right_(corners.at.size()), down_(corners.at.size()) {
-    for (size_t i = 0; i < corners.at.size(); ++i) {
-      const bool last = (i + 1) % static_cast<size_t>(columns_) == 0;
-      const size_t below = i + static_cast<size_t>(columns_);
-      const auto fit = [&](size_t to) {
-        return corners.at[i] && corners.at[to]
-                   ? Fit(image, lens, *corners.at[i], *corners.at[to], room, blur)
-                   : std::nullopt;
-      };
-      if (!last) right_[i] = fit(i + 1);
-      if (below < corners.at.size()) down_[i] = fit(below);
+      : image_(image), lens_(lens), corners_(corners), room_(room), blur_(blur) {
+    for (int row = 0; row < corners.rows; ++row) {
+      for (int k = 0; k <= corners.columns; ++k) along_.push_back(Fit({row, k - 1}, {0, 1}));
+    }
+    for (int column = 0; column < corners.columns; ++column) {
+      for (int k = 0; k <= corners.rows; ++k) across_.push_back(Fit({k - 1, column}, {1, 0}));
     }
   }
 
   // Those that end at a corner, along its row or its column.
-  std::vector<Edge> Along(size_t corner) const {
-    const bool first = corner % static_cast<size_t>(columns_) == 0;
-    return There(right_[corner], first ? std::nullopt : right_[corner - 1]);
-  }
-  std::vector<Edge> Across(size_t corner) const {
-    const auto columns = static_cast<size_t>(columns_);
-    return There(down_[corner], corner < columns ? std::nullopt : down_[corner - columns]);
-  }
+  std::vector<Edge> Along(size_t corner) const { return EndingAt(along_, PlaceOf(corner), 1); }
+  std::vector<Edge> Across(size_t corner) const { return EndingAt(across_, PlaceOf(corner), 0); }
 
  private:
-  static std::optional<Edge> Fit(const cv::Mat& image, const std::optional<CameraModel>& lens,
-                                 const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-                                 double room, double blur) {
-    return FitEdge(image, lens, from, to,
-                   {.reach = std::min(kMostReach, kReachInModules * room * (to - from).norm()),
-                    .end_gap = std::max(2.0, 1 + 2 * blur),
-                    .curved = !lens});
+  using Place = std::array<int, 2>;  // row, column
+
+  Place PlaceOf(size_t corner) const {
+    const int at = static_cast<int>(corner);
+    return {at / corners_.columns, at % corners_.columns};
+  }
+  bool IsCorner(const Place& at) const {
+    return at[0] >= 0 && at[1] >= 0 && at[0] < corners_.rows && at[1] < corners_.columns;
+  }
+  std::optional<Eigen::Vector2d> At(const Place& at) const {
+    if (!IsCorner(at)) return std::nullopt;
+    return corners_.at[static_cast<size_t>(at[0] * corners_.columns + at[1])];
   }
 
-  static std::vector<Edge> There(const std::optional<Edge>& a, const std::optional<Edge>& b) {
-    std::vector<Edge> edges;
-    if (a) edges.push_back(*a);
-    if (b) edges.push_back(*b);
-    return edges;
+  // Where the edge through the outermost corner `last` ends, as the corners before it lie.
+  std::optional<Eigen::Vector2d> Rim(const Place& last, const Place& inwards) const {
+    const auto a = At(last);
+    const auto b = At({last[0] + inwards[0], last[1] + inwards[1]});
+    const auto c = At({last[0] + 2 * inwards[0], last[1] + 2 * inwards[1]});
+    if (!a || !b || !c) return std::nullopt;
+    const double side = (*a - *b).squaredNorm() / (*b - *c).norm();
+    const Eigen::Vector2d rim = *a + (kRimSquare * side + EndGap(blur_)) * (*a - *b).normalized();
+    const auto pixel = Distorted(lens_, rim);
+    const bool seen = pixel && pixel->minCoeff() >= 0 && pixel->x() <= image_.cols - 1 &&
+                      pixel->y() <= image_.rows - 1;
+    return seen ? std::optional(rim) : std::nullopt;
   }
 
-  int columns_;
-  std::vector<std::optional<Edge>> right_;
-  std::vector<std::optional<Edge>> down_;
+  // How far an edge's middle stands out of the line through its ends, as the corners about it lie:
+  // the edge's own grey values know that less well.
+  double Bend(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+              const std::array<Place, 2>& ends, const Place& step) const {
+    const Edge straight(from, to);
+    double sum = 0;
+    int corners = 0;
+    for (const Place& end : ends) {
+      const auto before = At({end[0] - step[0], end[1] - step[1]});
+      const auto at = At(end);
+      const auto after = At({end[0] + step[0], end[1] + step[1]});
+      if (!before || !at || !after) continue;
+      const double share = 2 * straight.length() / (*after - *before).norm();
+      sum += share * share * straight.normal().dot(*before - 2 * *at + *after);
+      ++corners;
+    }
+    return corners > 0 ? sum / corners / 8 : 0;
+  }
+
+  std::optional<Edge> Fit(const Place& place, const Place& step) const {
+    const Place next = {place[0] + step[0], place[1] + step[1]};
+    const auto from = IsCorner(place) ? At(place) : Rim(next, step);
+    const auto to = IsCorner(next) ? At(next) : Rim(place, {-step[0], -step[1]});
+    if (!from || !to) return std::nullopt;
+    const std::optional<Edge> edge =
+        FitEdge(image_, lens_, *from, *to,
+                {.reach = std::min(kMostReach, kReachInModules * room_ * (*to - *from).norm()),
+                 .end_gap = EndGap(blur_),
+                 .bend = lens_ ? 0 : Bend(*from, *to, {place, next}, step)});
+    // Beyond the outermost corners there may be something else than the board.
+    const bool off = edge && ((!IsCorner(place) && std::abs(edge->Distance(*to)) > kMostMovedRim) ||
+                              (!IsCorner(next) && std::abs(edge->Distance(*from)) > kMostMovedRim));
+    return off ? std::nullopt : edge;
+  }
+
+  // `axis`: 1 along the rows, 0 along the columns.
+  std::vector<Edge> EndingAt(const std::vector<std::optional<Edge>>& edges, const Place& at,
+                             size_t axis) const {
+    const int in_line = (axis == 1 ? corners_.columns : corners_.rows) + 1;
+    const auto before = static_cast<size_t>(at[1 - axis] * in_line + at[axis]);
+    std::vector<Edge> ending;
+    for (const auto& edge : {edges[before], edges[before + 1]}) {
+      if (edge) ending.push_back(*edge);
+    }
+    return ending;
+  }
+
+  const cv::Mat& image_;
+  const std::optional<CameraModel>& lens_;
+  const ChessCorners& corners_;
+  double room_;
+  double blur_;
+  std::vector<std::optional<Edge>> along_;   // row by row, one more than corners
+  std::vector<std::optional<Edge>> across_;  // column by column
 };
 
 // The mean of where the edges along and across meet, near the undistorted `at`; sigma before what

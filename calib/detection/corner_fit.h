@@ -67,6 +67,7 @@ struct EdgeFitSettings {
   double reach = 4;     // pixels to either side that are looked at
   double end_gap = 3;   // pixels left out at both ends, where the next edge begins
   bool curved = false;  // the edge may be a parabola
+  double bend = 0;      // otherwise it is one: the quadratic term of its offset
 };
 
 // The edge near the straight line between two undistorted positions. `image`: CV_8UC1. Nothing if

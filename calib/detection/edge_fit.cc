@@ -153,6 +153,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
+    if (!settings_.curved) u[kShape2] = settings_.bend;
     u[kBlur] = kFirstEdgeBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;
