@@ -41,10 +41,12 @@ namespace {
 
 constexpr double kMostReach = 4;  // pixels beside an edge
 constexpr double kReachInModules = 0.55;
-constexpr double kMostMoved = 1.5;  // pixels, of a corner by the fit
+constexpr double kMostMoved = 1.5;         // pixels, of a corner by the fit
+constexpr double kMostMovedInSides = 0.1;  // the same, sides of squares that are larger
 // The outermost squares may be cut: so much of a side they have at least.
 constexpr double kRimSquare = 0.45;
-constexpr double kMostMovedRim = 1;  // pixels, by an edge between a corner and the board's rim
+constexpr double kMostMovedRim = 2;  // pixels, between the edges before and beyond a corner
+constexpr double kMostContrast = 2;  // of one of them, as a share of the other's
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
 constexpr double kFirstCornerBlur = 0.8;
@@ -148,23 +150,31 @@ namespace {
 // The edges of a chessboard between neighbouring corners, and those of the outermost corners to the
 // rim of the board, in undistorted pixels. Ink and exposure move edges towards one colour: the two
 // edges that end at a corner opposite each other move in opposite directions, so the mean of both
-// stays where it is. Every corner has both.
+// stays where it is.
 class ChessEdges {
  public:
   ChessEdges(const cv::Mat& image, const std::optional<CameraModel>& lens,
              const ChessCorners& corners, double room, double blur)
       : image_(image), lens_(lens), corners_(corners), room_(room), blur_(blur) {
-    for (int row = 0; row < corners.rows; ++row) {
-      for (int k = 0; k <= corners.columns; ++k) along_.push_back(Fit({row, k - 1}, {0, 1}));
-    }
+    for (int row = 0; row < corners.rows; ++row) FitLine({row, -1}, {0, 1}, along_);
     for (int column = 0; column < corners.columns; ++column) {
-      for (int k = 0; k <= corners.rows; ++k) across_.push_back(Fit({k - 1, column}, {1, 0}));
+      FitLine({-1, column}, {1, 0}, across_);
     }
   }
 
   // Those that end at a corner, along its row or its column.
   std::vector<Edge> Along(size_t corner) const { return EndingAt(along_, PlaceOf(corner), 1); }
   std::vector<Edge> Across(size_t corner) const { return EndingAt(across_, PlaceOf(corner), 0); }
+  // From a corner to the nearest of its neighbours.
+  double SideAt(size_t corner) const {
+    const Place at = PlaceOf(corner);
+    double least = std::numeric_limits<double>::infinity();
+    for (const Place& step : {Place{-1, 0}, Place{1, 0}, Place{0, -1}, Place{0, 1}}) {
+      const auto neighbour = At({at[0] + step[0], at[1] + step[1]});
+      if (neighbour) least = std::min(least, (*neighbour - *At(at)).norm());
+    }
+    return least;
+  }
 
  private:
   using Place = std::array<int, 2>;  // row, column
@@ -195,39 +205,69 @@ class ChessEdges {
     return seen ? std::optional(rim) : std::nullopt;
   }
 
-  // How far an edge's middle stands out of the line through its ends, as the corners about it lie:
-  // the edge's own grey values know that less well.
-  double Bend(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-              const std::array<Place, 2>& ends, const Place& step) const {
+  // The quadratic term of an edge's offset as the corners about it lie, of which `centres` are in
+  // the middle of three: the edge's own grey values know it less well. Nothing if they do not say.
+  std::optional<double> Bend(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                             const std::array<Place, 2>& centres, const Place& step) const {
     const Edge straight(from, to);
     double sum = 0;
-    int corners = 0;
-    for (const Place& end : ends) {
-      const auto before = At({end[0] - step[0], end[1] - step[1]});
-      const auto at = At(end);
-      const auto after = At({end[0] + step[0], end[1] + step[1]});
+    int known = 0;
+    for (const Place& centre : centres) {
+      const auto before = At({centre[0] - step[0], centre[1] - step[1]});
+      const auto at = At(centre);
+      const auto after = At({centre[0] + step[0], centre[1] + step[1]});
       if (!before || !at || !after) continue;
       const double share = 2 * straight.length() / (*after - *before).norm();
       sum += share * share * straight.normal().dot(*before - 2 * *at + *after);
-      ++corners;
+      ++known;
     }
-    return corners > 0 ? sum / corners / 8 : 0;
+    return known > 0 ? std::optional(sum / known / 8) : std::nullopt;
   }
 
+  // The edge from `place` to the next one; one of the two may lie on the rim, beside a corner.
   std::optional<Edge> Fit(const Place& place, const Place& step) const {
     const Place next = {place[0] + step[0], place[1] + step[1]};
+    const Place before = {place[0] - step[0], place[1] - step[1]};
+    const Place after = {next[0] + step[0], next[1] + step[1]};
     const auto from = IsCorner(place) ? At(place) : Rim(next, step);
     const auto to = IsCorner(next) ? At(next) : Rim(place, {-step[0], -step[1]});
     if (!from || !to) return std::nullopt;
-    const std::optional<Edge> edge =
-        FitEdge(image_, lens_, *from, *to,
-                {.reach = std::min(kMostReach, kReachInModules * room_ * (*to - *from).norm()),
-                 .end_gap = EndGap(blur_),
-                 .bend = lens_ ? 0 : Bend(*from, *to, {place, next}, step)});
-    // Beyond the outermost corners there may be something else than the board.
-    const bool off = edge && ((!IsCorner(place) && std::abs(edge->Distance(*to)) > kMostMovedRim) ||
-                              (!IsCorner(next) && std::abs(edge->Distance(*from)) > kMostMovedRim));
-    return off ? std::nullopt : edge;
+    EdgeFitSettings settings{
+        .reach = std::min(kMostReach, kReachInModules * room_ * (*to - *from).norm()),
+        .end_gap = EndGap(blur_)};
+    if (!lens_) {
+      const std::optional<double> bend =
+          Bend(*from, *to, {IsCorner(next) ? place : before, IsCorner(place) ? next : after}, step);
+      settings.curved = !bend;
+      settings.bend = bend.value_or(0);
+    }
+    return FitEdge(image_, lens_, *from, *to, settings);
+  }
+
+  // Those of a row or column of corners, from rim to rim. `place`: before its first corner.
+  void FitLine(Place place, const Place& step, std::vector<std::optional<Edge>>& edges) const {
+    const size_t first = edges.size();
+    const auto next = [&](const Place& at) { return Place{at[0] + step[0], at[1] + step[1]}; };
+    const Place first_corner = next(place);
+    edges.push_back(Fit(place, step));
+    for (place = first_corner; IsCorner(place); place = next(place)) {
+      edges.push_back(Fit(place, step));
+    }
+    const Place last_corner = {place[0] - step[0], place[1] - step[1]};
+    DropForeign(edges[first], edges[first + 1], At(first_corner));
+    DropForeign(edges.back(), edges[edges.size() - 2], At(last_corner));
+  }
+
+  // Beyond the outermost corners there may be something else than the board. Its edges go straight
+  // on, but for what ink and exposure move them, and black and white change places at a corner.
+  static void DropForeign(std::optional<Edge>& rim, const std::optional<Edge>& inner,
+                          const std::optional<Eigen::Vector2d>& corner) {
+    const bool goes_on =
+        rim && inner && corner && rim->rise() * inner->rise() < 0 &&
+        rim->contrast() < kMostContrast * inner->contrast() &&
+        inner->contrast() < kMostContrast * rim->contrast() &&
+        std::abs(rim->Distance(*corner) - inner->Distance(*corner)) < kMostMovedRim;
+    if (!goes_on) rim.reset();
   }
 
   // `axis`: 1 along the rows, 0 along the columns.
@@ -308,11 +348,10 @@ std::vector<std::optional<FittedCorner>> FitChessCorners(const cv::Mat& image,
         continue;
       }
       blurs.push_back(fitted[i]->blur);
-      double side = std::numeric_limits<double>::infinity();
-      for (const Edge& edge : along) side = std::min(side, edge.length());
-      for (const Edge& edge : across) side = std::min(side, edge.length());
+      const double side = edges.SideAt(i);
       fitted[i]->sigma = SigmaOf(fitted[i]->sigma, fitted[i]->blur, side * room);
-      if ((fitted[i]->at - *corners.at[i]).norm() > kMostMoved ||
+      if ((fitted[i]->at - *corners.at[i]).norm() >
+              std::max(kMostMoved, kMostMovedInSides * side) ||
           side < kLeastSideInBlurs * fitted[i]->blur) {
         fitted[i].reset();
       }

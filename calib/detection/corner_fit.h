@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -47,8 +48,10 @@ class Edge {
   const Eigen::Vector2d& tangent() const { return tangent_; }
   Eigen::Vector2d normal() const { return {-tangent_.y(), tangent_.x()}; }
   double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
-  double contrast() const { return contrast_; }  // grey levels from one side to the other
-  double noise() const { return noise_; }        // of a grey value about the fit
+  // Grey levels from one side to the other; positive where it is brighter on the side of normal().
+  double rise() const { return rise_; }
+  double contrast() const { return std::abs(rise_); }
+  double noise() const { return noise_; }  // of a grey value about the fit
 
  private:
   friend class EdgeFitter;
@@ -59,7 +62,7 @@ class Edge {
   Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();  // of Offset: constant, linear, quadratic
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
   double blur_ = 0;
-  double contrast_ = 0;
+  double rise_ = 0;
   double noise_ = 0;
 };
 
@@ -105,9 +108,10 @@ struct ChessCorners {
   std::vector<std::optional<Eigen::Vector2d>> at;  // pixels with integers at pixel centres
 };
 
-// Each corner as the place where the edges between it and its neighbours meet. `room`: the share of
-// a square's side beside an edge in which there is no other edge. Nothing where fewer than one edge
-// in each direction is there as it should be, or squares are too small for their blur.
+// Each corner as the place where the edges meet that lie between it and its neighbours, or between
+// it and the board's rim. `room`: the share of a square's side beside an edge in which there is no
+// other edge. Nothing where fewer than one edge in each direction is there as it should be, or
+// squares are too small for their blur.
 std::vector<std::optional<FittedCorner>> FitChessCorners(const cv::Mat& image,
                                                          const std::optional<CameraModel>& lens,
                                                          const ChessCorners& corners, double room);

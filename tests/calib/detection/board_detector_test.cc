@@ -156,10 +156,43 @@ TEST(BoardDetector, TagOfAnAprilGridThatIsCoveredIsNotMadeUp) {
 
 TEST(BoardDetector, CornersOfChessboardsAreAsGoodWithoutAKnownLens) {
   const Board board = Chessboard(8, 5);
+  for (const int seed : {4, 5, 6}) {
+    const RenderedBoard rendered = Seen(board, {}, seed);
+    const CameraModel lens(rendered.intrinsics());
+    EXPECT_LT(ErrorsIn(rendered, board).rms, 1.1 * ErrorsIn(rendered, board, lens).rms);
+  }
+}
+
+// Bright areas then grow into dark ones.
+TEST(BoardDetector, OverexposureMovesCornersOfAChessboardByLessThanATenthOfAPixel) {
+  const Board board = Chessboard(8, 5);
   const RenderedBoard rendered = Seen(board, {}, 4);
-  const CameraModel lens(rendered.intrinsics());
-  const double known = ErrorsIn(rendered, board, lens).rms;
-  EXPECT_NEAR(ErrorsIn(rendered, board).rms, known, 0.1 * known);
+  const cv::Mat bright = rendered.image() * 1.8;
+  const CornerErrors errors = ErrorsIn(bright, rendered, board);
+  EXPECT_EQ(errors.corners, static_cast<size_t>(board.tags() * board.corners_per_mark()));
+  EXPECT_LT(errors.rms, 0.1);
+}
+
+TEST(BoardDetector, WhatCoversTheRimOfAChessboardMovesNoCorner) {
+  const Board board = Chessboard(8, 5);
+  const RenderedBoard rendered = Seen(board, {}, 4);
+  const auto corner = [&](int number) { return rendered.Corner(number, 0); };
+  // Over the squares beyond the first row, nearly along an edge that ends there.
+  for (const double grey : {20, 230}) {
+    cv::Mat covered = rendered.image().clone();
+    for (const int number : {2, 4}) {
+      const Eigen::Vector2d out = corner(number) - corner(number + 8);
+      const Eigen::Vector2d aside(-out.y(), out.x());
+      std::vector<cv::Point> bar;
+      for (const auto& [away, side] :
+           {std::pair{0.35, 0.02}, {1.2, 0.08}, {1.2, 0.6}, {0.35, 0.6}}) {
+        const Eigen::Vector2d at = corner(number) + away * out + side * aside;
+        bar.emplace_back(cvRound(at.x()), cvRound(at.y()));
+      }
+      cv::fillConvexPoly(covered, bar, cv::Scalar(grey));
+    }
+    EXPECT_LT(ErrorsIn(covered, rendered, board).worst, 0.2) << grey;
+  }
 }
 
 TEST(BoardDetector, BoardsAreFoundInTheirFrameHoweverTheyAreTurned) {
