@@ -37,7 +37,7 @@ struct SeparationCell {
   // Of its voxels; nothing: as fine as SeparationBasis::kVoxelsByDefault permit, a sixth to a
   // third of the least obstacle.
   std::optional<double> voxel_edge;
-  // Whether nobody can be where no view looks.
+  // Whether nobody can be in voxels that no view sees whole.
   bool unseen_is_empty = false;
 };
 

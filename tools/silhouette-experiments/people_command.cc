@@ -84,6 +84,9 @@ absl::StatusOr<std::unique_ptr<Video>> OpenVideo(const PeopleArguments& argument
         "--video shows one episode of one method through the cameras; add --masks rendered "
         "--episodes 1 --methods silhouette");
   }
+  if (!arguments.out.empty()) {
+    return absl::InvalidArgumentError("--video keeps no results; leave --out out");
+  }
   ASSIGN_OR_RETURN(Video video, Video::Open(arguments.video, views, kVideoRate));
   return std::make_unique<Video>(std::move(video));
 }

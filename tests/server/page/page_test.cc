@@ -141,10 +141,17 @@ TEST_F(PageTest, WhileNobodyLooksNothingIsMade) {
 
 TEST_F(PageTest, MakesAtMostTenSnapshotsASecond) {
   Looker looker(*page, "", [](const json&) { return false; });
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(1);
-  while (std::chrono::steady_clock::now() < end) test.Publish(SceneWithBlock(2));
-  EXPECT_LE(page->snapshots(), 11u);
-  EXPECT_GE(page->snapshots(), 2u);
+  const auto began = std::chrono::steady_clock::now();
+  std::chrono::duration<double> passed{};
+  // On a busy machine the page, whose threads are niced, comes late.
+  while (passed.count() < 1 || (page->snapshots() < 2 && passed.count() < 30)) {
+    test.Publish(SceneWithBlock(2));
+    passed = std::chrono::steady_clock::now() - began;
+  }
+  const auto made = static_cast<double>(page->snapshots());
+  EXPECT_GE(made, 2);
+  passed = std::chrono::steady_clock::now() - began;
+  EXPECT_LE(made, 1 + 10 * passed.count());
 }
 
 TEST_F(PageTest, StreamsAreBounded) {

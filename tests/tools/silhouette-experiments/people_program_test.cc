@@ -42,7 +42,8 @@ TEST_F(PeopleProgram, SaysWhatAVideoNeeds) {
   for (const auto& [arguments, mend] :
        {std::pair<std::string, std::string>{one + "x.avi", "--masks rendered"},
         {"--masks rendered --video x.avi", "--episodes 1"},
-        {"--masks rendered " + one + "x.gif", ".mp4 or .avi"}}) {
+        {"--masks rendered " + one + "x.gif", ".mp4 or .avi"},
+        {"--masks rendered " + one + "x.avi --out o", "leave --out out"}}) {
     EXPECT_EQ(Run(arguments), 2) << arguments;
     EXPECT_NE(ReadText(files_ / "e").find(mend), std::string::npos) << ReadText(files_ / "e");
   }

@@ -87,6 +87,7 @@ TEST_F(PeopleTest, TheSameSeedGivesTheSameRenderedEpisode) {
   const Counts first = Run("uncalibrated", 1);
   EXPECT_EQ(Text({{0, "", Run("uncalibrated", 1)}}), Text({{0, "", first}}));
   EXPECT_EQ(first.scenes, 30) << "one a decision, also while the robot picks";
+  EXPECT_EQ(first.unusable, 0);
 }
 
 TEST_F(PeopleTest, APersonBeforeTheCamerasIsSeenAndNobodyElse) {
