@@ -134,6 +134,36 @@ TEST_F(SeparationTest, UnseenSpaceThatIsStatedEmptyIsEmptyInTheWorkspaceToo) {
   EXPECT_GT(at_start(true), database->separation()->range() - kLargestBall);
 }
 
+TEST_F(SeparationTest, APersonAtTheRimOfTheOnlyImageCountsThoughUnseenSpaceIsStatedEmpty) {
+  const Configuration now = {0, 0};
+  SeparationCell wide = Seen();
+  wide.zone->extend(Eigen::Vector3d(-2, -2, 0)).extend(Eigen::Vector3d(2, 2, 2.4));
+  Serve(wide);
+  const std::vector<Mask> robot = truth->Touched(now);
+  constexpr double kRadius = 0.2;
+  std::uniform_real_distribution<double> place(-1.7, 1.7);
+  int scenes = 0;
+  for (int tries = 0; tries < 20000 && scenes < SampleCount(20); ++tries) {
+    const Eigen::Vector3d at(place(random), place(random), 1.1 + place(random) / 2);
+    const SceneInput input = InputOf(now, {{at, kRadius}});
+    std::vector<size_t> shown;
+    for (size_t view = 0; view < input.views.size(); ++view) {
+      const Mask& mask = std::get<SceneMask>(input.views[view].image).mask;
+      const size_t pixels = (mask & ~robot[view]).Count();
+      if (pixels > 0) shown.push_back(pixels);
+    }
+    if (shown.size() != 1 || shown.front() > 40) continue;
+    ++scenes;
+    const Served served = ServedScene(input);
+    const Checker checker(served, kSound, settings, kDrawnNow);
+    ASSERT_TRUE(checker.Distance(std::vector<Configuration>{now}, {}));
+    const SpaceDistances* space = served.scene->separation.made();
+    ASSERT_NE(space, nullptr);
+    EXPECT_LE(space->Distance(at, 1), kRadius) << shown.front() << " pixels";
+  }
+  EXPECT_EQ(scenes, SampleCount(20));
+}
+
 TEST_F(SeparationTest, OnlyTheHorizonCounts) {
   const Configuration now = {0, 0};
   const std::vector<DrawnCellBall> balls = {{{-0.9, 0, 0.8}, 0.12}};
