@@ -45,8 +45,7 @@ constexpr double kMostMoved = 1.5;         // pixels, of a corner by the fit
 constexpr double kMostMovedInSides = 0.1;  // the same, sides of squares that are larger
 // The outermost squares may be cut: so much of a side they have at least.
 constexpr double kRimSquare = 0.45;
-constexpr double kMostMovedRim = 2;  // pixels, between the edges before and beyond a corner
-constexpr double kMostContrast = 2;  // of one of them, as a share of the other's
+constexpr double kMostMovedRim = 1.5;  // pixels, between the edges before and beyond a corner
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
 constexpr double kFirstCornerBlur = 0.8;
@@ -258,14 +257,12 @@ class ChessEdges {
     DropForeign(edges.back(), edges[edges.size() - 2], At(last_corner));
   }
 
-  // Beyond the outermost corners there may be something else than the board. Its edges go straight
-  // on, but for what ink and exposure move them, and black and white change places at a corner.
+  // Beyond the outermost corners there may be something else than the board, whose edges go
+  // straight on, but for what ink and exposure move them.
   static void DropForeign(std::optional<Edge>& rim, const std::optional<Edge>& inner,
                           const std::optional<Eigen::Vector2d>& corner) {
     const bool goes_on =
-        rim && inner && corner && rim->rise() * inner->rise() < 0 &&
-        rim->contrast() < kMostContrast * inner->contrast() &&
-        inner->contrast() < kMostContrast * rim->contrast() &&
+        rim && inner && corner &&
         std::abs(rim->Distance(*corner) - inner->Distance(*corner)) < kMostMovedRim;
     if (!goes_on) rim.reset();
   }

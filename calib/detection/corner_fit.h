@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <cmath>
 #include <opencv2/core/mat.hpp>
 #include <optional>
 #include <vector>
@@ -48,10 +47,8 @@ class Edge {
   const Eigen::Vector2d& tangent() const { return tangent_; }
   Eigen::Vector2d normal() const { return {-tangent_.y(), tangent_.x()}; }
   double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
-  // Grey levels from one side to the other; positive where it is brighter on the side of normal().
-  double rise() const { return rise_; }
-  double contrast() const { return std::abs(rise_); }
-  double noise() const { return noise_; }  // of a grey value about the fit
+  double contrast() const { return contrast_; }  // grey levels from one side to the other
+  double noise() const { return noise_; }        // of a grey value about the fit
 
  private:
   friend class EdgeFitter;
@@ -62,7 +59,7 @@ class Edge {
   Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();  // of Offset: constant, linear, quadratic
   Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
   double blur_ = 0;
-  double rise_ = 0;
+  double contrast_ = 0;
   double noise_ = 0;
 };
 

@@ -206,9 +206,9 @@ class EdgeFitter {
       edge.covariance_.col(kShape2).setZero();
     }
     edge.blur_ = std::hypot(u[kBlur], kPixelBlur);
-    edge.rise_ = 2 * u[kHalf0];
+    edge.contrast_ = 2 * std::abs(u[kHalf0]);
     edge.noise_ = std::sqrt(variance);
-    return edge.covariance_.allFinite() && edge.noise_ < kMostNoise * edge.contrast();
+    return edge.covariance_.allFinite() && edge.noise_ < kMostNoise * edge.contrast_;
   }
 
   void Accumulate(const std::vector<Sample>& samples, const Unknowns& u, double scale,

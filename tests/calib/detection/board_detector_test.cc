@@ -173,25 +173,30 @@ TEST(BoardDetector, OverexposureMovesCornersOfAChessboardByLessThanATenthOfAPixe
   EXPECT_LT(errors.rms, 0.1);
 }
 
-TEST(BoardDetector, WhatCoversTheRimOfAChessboardMovesNoCorner) {
-  const Board board = Chessboard(8, 5);
-  const RenderedBoard rendered = Seen(board, {}, 4);
+// Tape over the squares beyond the first row: its edges lie beside theirs.
+TEST(BoardDetector, WhatCoversTheRimOfAChessboardMovesNoCornerFar) {
+  const Board board = Chessboard(5, 4);
+  const RenderedBoard rendered = Seen(board, {.distance = 0.25, .tilt = 0.2}, 4);
   const auto corner = [&](int number) { return rendered.Corner(number, 0); };
-  // Over the squares beyond the first row, nearly along an edge that ends there.
-  for (const double grey : {20, 230}) {
+  for (const double beside : {-0.09, -0.06, 0.06, 0.09}) {  // sides of a square, of 33 pixels
     cv::Mat covered = rendered.image().clone();
-    for (const int number : {2, 4}) {
-      const Eigen::Vector2d out = corner(number) - corner(number + 8);
+    for (int number = 0; number < 5; ++number) {
+      const Eigen::Vector2d out = corner(number) - corner(number + 5);
       const Eigen::Vector2d aside(-out.y(), out.x());
-      std::vector<cv::Point> bar;
-      for (const auto& [away, side] :
-           {std::pair{0.35, 0.02}, {1.2, 0.08}, {1.2, 0.6}, {0.35, 0.6}}) {
-        const Eigen::Vector2d at = corner(number) + away * out + side * aside;
-        bar.emplace_back(cvRound(at.x()), cvRound(at.y()));
-      }
-      cv::fillConvexPoly(covered, bar, cv::Scalar(grey));
+      const auto fill = [&](double from, double to, double grey) {
+        std::vector<cv::Point> part;
+        for (const auto& [away, side] : {std::pair{0.2, from}, {1.2, from}, {1.2, to}, {0.2, to}}) {
+          const Eigen::Vector2d at = corner(number) + away * out + side * aside;
+          part.emplace_back(cvRound(16 * at.x()), cvRound(16 * at.y()));
+        }
+        cv::fillConvexPoly(covered, part, cv::Scalar(grey), cv::LINE_AA, 4);
+      };
+      fill(-0.3, beside, number % 2 == 0 ? 40 : 210);
+      fill(beside, 0.3, number % 2 == 0 ? 210 : 40);
     }
-    EXPECT_LT(ErrorsIn(covered, rendered, board).worst, 0.2) << grey;
+    const CornerErrors errors = ErrorsIn(covered, rendered, board);
+    EXPECT_EQ(errors.corners, 20u);
+    EXPECT_LT(errors.worst, 0.4) << beside;
   }
 }
 
