@@ -37,7 +37,7 @@ struct SeparationCell {
   // Of its voxels; nothing: as fine as SeparationBasis::kVoxelsByDefault permit, a sixth to a
   // third of the least obstacle.
   std::optional<double> voxel_edge;
-  // Whether nobody can be in voxels that no view sees whole.
+  // Whether voxels that no view sees whole are empty.
   bool unseen_is_empty = false;
 };
 

@@ -101,7 +101,7 @@ absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study&
 
 absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   CatchStopSignals();
-  spdlog::set_level(spdlog::level::off);  // what the acquisition says of each episode
+  spdlog::set_level(spdlog::level::err);  // not what the acquisition warns of in each episode
   ASSIGN_OR_RETURN(const SimulatedWorkplace workplace,
                    SimulatedWorkplace::Load(arguments.cell, arguments.database));
   ASSIGN_OR_RETURN(const auto video, OpenVideo(arguments, workplace.cell().views.size()));

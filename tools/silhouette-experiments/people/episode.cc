@@ -18,6 +18,7 @@ namespace {
 // Seconds: of truth, two of them a decision; of picking or placing; between two plans.
 constexpr double kTick = 0.05;
 constexpr int kTicksOfDecision = 2;
+static_assert(kVideoRate * kTick * kTicksOfDecision == 1, "a picture a decision");
 constexpr double kDwell = 0.5;
 constexpr int kDecisionsOfPlan = 3;
 // Where the stations are, as shares of the joints' ranges.
@@ -116,7 +117,7 @@ class Episode {
   absl::StatusOr<SharedScene> LookThroughCameras() {
     Poses parts;
     for (size_t i = 0; i < people_.size(); ++i) people_[i].AppendPoses(times_[i], parts);
-    sight_ = rendered_->Look(robot_.at(), parts, MomentAt(now_));
+    ASSIGN_OR_RETURN(sight_, rendered_->Look(robot_.at(), parts, MomentAt(now_)));
     return sight_.scene;
   }
 
@@ -155,7 +156,7 @@ class Episode {
   absl::Status Decide() {
     const SharedScene scene = std::exchange(seen_, nullptr);
     decision_ = {};
-    // While it picks or places until after the next decision, nobody has to look; cameras do.
+    // While it picks or places until after the next decision, only cameras go on.
     const double period = stage_.rule().period;
     if (rendered_ || (method_.policy() && now_ + 2 * period > dwells_until_)) {
       ASSIGN_OR_RETURN(seen_, Look());

@@ -54,7 +54,7 @@ class Stage {
 double ReachOf(const SimulatedWorkplace& workplace);
 
 // The same arguments give the same result, but for processor_seconds. `video`: gets what the
-// cameras see in a rendered episode; null: none. Errors of MakeScene.
+// cameras see in a rendered episode; null: none. Errors of MakeScene and RenderedCell::Look.
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
                                   const std::string& method, Video* video = nullptr);
 // Pictures of a video that is as fast as the episode.

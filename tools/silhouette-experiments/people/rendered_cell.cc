@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "capture/sim/chance.h"
 #include "tools/cell/live_config.h"
 #include "tools/silhouette-experiments/people/person.h"
@@ -35,6 +36,8 @@ RenderedCell::RenderedCell(const SimulatedWorkplace& workplace,
       database_(std::move(database)),
       cell_(workplace.robot(), workplace.simulation().settings()),
       people_(PeopleObstacles(static_cast<int>(people))),
+      record_(std::make_shared<LiveRecord>(ViewsOf(workplace.cell()),
+                                           workplace.cell().server.scene.max_age, SystemClock)),
       acquisition_(
           ConfigOf(workplace.cell()),
           {.database = [this] { return database_; },
@@ -42,10 +45,7 @@ RenderedCell::RenderedCell(const SimulatedWorkplace& workplace,
                [this](Scene scene, const auto&) {
                  return newest_ = std::make_shared<const Scene>(std::move(scene));
                }},
-          [this](absl::Duration, absl::Duration) { return joints_; },
-          std::make_shared<LiveRecord>(ViewsOf(workplace.cell()),
-                                       workplace.cell().server.scene.max_age, SystemClock),
-          database_->cell()) {
+          [this](absl::Duration, absl::Duration) { return joints_; }, record_, database_->cell()) {
   Chance chance(seed);
   begins_ = chance.Uniform(0, cell_.settings().drift_period);
   // Not the noise of the reference images, which has the first numbers.
@@ -53,8 +53,9 @@ RenderedCell::RenderedCell(const SimulatedWorkplace& workplace,
   for (Obstacle& part : people_) part.brightness = chance.Uniform(kDarkest, kBrightest);
 }
 
-Sight RenderedCell::Look(std::span<const double> q, std::span<const Eigen::Isometry3d> parts,
-                         const Moment& now) {
+absl::StatusOr<Sight> RenderedCell::Look(std::span<const double> q,
+                                         std::span<const Eigen::Isometry3d> parts,
+                                         const Moment& now) {
   for (size_t i = 0; i < people_.size(); ++i) people_[i].world_from_obstacle = parts[i];
   cell_.SetObstacles(people_);
   cell_.SetPositions(workplace_.Positions(q));
@@ -70,8 +71,11 @@ Sight RenderedCell::Look(std::span<const double> q, std::span<const Eigen::Isome
   for (size_t j = 0; j < q.size(); ++j) joints_.push_back({cell.grid.joints()[j].name, q[j]});
   for (const FixedJoint& joint : cell.fixed_joints) joints_.push_back({joint.name, joint.position});
   newest_ = nullptr;
-  // Errors are images that cannot be used: then there is no scene, or one that says so.
+  // An error: images that cannot be used. Then there is no scene, or one that says so.
   acquisition_.Take(std::move(set)).IgnoreError();
+  if (const LiveStatus status = record_->Status(); status.lost_sets > 0) {
+    return absl::InternalError(absl::StrCat("no scene could be made: ", status.fault));
+  }
   sight.scene = std::move(newest_);
   return sight;
 }

@@ -6,8 +6,10 @@
 #include <memory>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "capture/sim/simulated_cell.h"
 #include "server/live/acquisition.h"
+#include "server/live/live_record.h"
 #include "tools/silhouette-experiments/cell/simulated_workplace.h"
 
 namespace silhouette::people_experiment {
@@ -29,9 +31,9 @@ class RenderedCell {
                size_t people, uint64_t seed);
 
   // Images taken at `now`, later than those before, with the robot at `q`. `parts`: poses in the
-  // order of PeopleObstacles.
-  Sight Look(std::span<const double> q, std::span<const Eigen::Isometry3d> parts,
-             const Moment& now);
+  // order of PeopleObstacles. Internal: the images could be used, but no scene could be made.
+  absl::StatusOr<Sight> Look(std::span<const double> q, std::span<const Eigen::Isometry3d> parts,
+                             const Moment& now);
 
  private:
   const SimulatedWorkplace& workplace_;
@@ -41,6 +43,7 @@ class RenderedCell {
   double begins_ = 0;  // of the cell's time, seconds
   std::vector<JointPosition> joints_;
   SharedScene newest_;
+  std::shared_ptr<LiveRecord> record_;
   Acquisition acquisition_;
 };
 

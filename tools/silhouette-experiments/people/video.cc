@@ -68,11 +68,10 @@ void Video::Add(const Sight& sight, const std::string& first_line, const std::st
   const int below = size.height - 2 * kLine;
   DrawText(sheet, first_line, {kMargin, below + kLine / 2}, {.height = kTextHeight});
   DrawText(sheet, second_line, {kMargin, below + kLine + kLine / 2}, {.height = kTextHeight});
-  DrawLegend(sheet,
-             {{palette::kObstacle, "obstacle"},
-              {palette::kUnknown, "robot"},
-              {palette::kError, "not as it should be"}},
-             size.width - kViewWidth + kMargin, below + kLine, kViewWidth - 2 * kMargin);
+  DrawLegend(
+      sheet,
+      {{palette::kObstacle, "obstacle"}, {palette::kUnknown, "robot"}, {palette::kError, "error"}},
+      size.width - kViewWidth + kMargin, below + kLine, kViewWidth - 2 * kMargin);
   writer_.write(sheet);
 }
 

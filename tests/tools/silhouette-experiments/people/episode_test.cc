@@ -99,7 +99,8 @@ TEST_F(PeopleTest, APersonBeforeTheCamerasIsSeenAndNobodyElse) {
   RenderedCell cell(*workplace_, stage_->database(), 1, 7);
   const auto look = [&](const Poses& parts, double seconds) {
     const absl::Duration running = absl::Seconds(seconds);
-    return cell.Look(stage_->stations().front(), parts, {absl::UnixEpoch() + running, running});
+    return cell.Look(stage_->stations().front(), parts, {absl::UnixEpoch() + running, running})
+        .value();
   };
   const Sight empty = look(away, 0);
   const Sight seen = look(there, 0.1);
