@@ -214,11 +214,10 @@ void DistanceField::Take(const TriangleMesh& mesh) {
 }
 
 struct DistanceField::Near {
-  struct Sample {
-    double distance = 0;
-    double way = 0;  // to the point, or to the nearest one among the samples
-  };
-  std::array<Sample, 8> samples;
+  // By corner, x fastest. Exact to less than kRounding.
+  using Corners = Eigen::Array<float, 8, 1>;
+  Corners distances;
+  Corners ways;    // to the point, or to the nearest one among the samples
   double way = 0;  // from there to the point
 };
 
@@ -227,35 +226,32 @@ DistanceField::Near DistanceField::At(const Vector3d& point) const {
   const Vector3d within = point.cwiseMax(lower_).cwiseMin(last);
   const Vector3d at = (within - lower_) / step_;
   const Eigen::Vector3i cell = at.cast<int>().cwiseMin(size_ - Eigen::Vector3i::Constant(2));
-  const Vector3d share = at - cell.cast<double>();
-  std::array<std::array<double, 2>, 3> squares{};  // by axis: of the way to either side
-  for (int axis = 0; axis < 3; ++axis) {
-    const auto i = static_cast<size_t>(axis);
-    squares[i] = {share[axis] * share[axis], (1 - share[axis]) * (1 - share[axis])};
-  }
+  const Eigen::Array3d share = (at - cell.cast<double>()).array();
+  // By axis, squares of the way to either side.
+  const Eigen::Array3f low = (step_ * share).square().cast<float>();
+  const Eigen::Array3f high = (step_ * (1 - share)).square().cast<float>();
   Near near;
   near.way = (point - within).norm();
   const float* sample = samples_.data() + IndexOf(cell.x(), cell.y(), cell.z());
-  const size_t up = IndexOf(0, 0, 1);
   const size_t on = IndexOf(0, 1, 0);
-  for (size_t corner = 0; corner < 8; ++corner) {
-    const size_t x = corner & 1;
-    const size_t y = corner >> 1 & 1;
-    const size_t z = corner >> 2;
-    near.samples[corner] = {static_cast<double>(sample[x + y * on + z * up]),
-                            step_ * std::sqrt(squares[0][x] + squares[1][y] + squares[2][z])};
-  }
+  const size_t up = IndexOf(0, 0, 1);
+  near.distances << sample[0], sample[1], sample[on], sample[on + 1], sample[up], sample[up + 1],
+      sample[up + on], sample[up + on + 1];
+  near.ways << low[0], high[0], low[0], high[0], low[0], high[0], low[0], high[0];
+  near.ways +=
+      (Near::Corners() << low[1], low[1], high[1], high[1], low[1], low[1], high[1], high[1])
+          .finished();
+  near.ways.head<4>() += low[2];
+  near.ways.tail<4>() += high[2];
+  near.ways = near.ways.sqrt().eval();
   return near;
 }
 
 double DistanceField::AtMost(const Vector3d& point) const {
   // Beyond the samples it is at most as far as by way of the nearest one.
   const Near near = At(point);
-  double least = std::numeric_limits<double>::infinity();
-  for (const Near::Sample& sample : near.samples) {
-    least = std::min(least, sample.distance + sample.way);
-  }
-  return least + near.way;
+  const double least = (near.distances.cast<double>() + near.ways.cast<double>()).minCoeff();
+  return least + kRounding + near.way;
 }
 
 double DistanceField::AtLeast(const Vector3d& point) const {
@@ -263,10 +259,7 @@ double DistanceField::AtLeast(const Vector3d& point) const {
   const Near near = At(point);
   if (near.way > 0) return to_box;
   // Samples deep inside tell too much, but nothing that is positive a step away.
-  double greatest = -std::numeric_limits<double>::infinity();
-  for (const Near::Sample& sample : near.samples) {
-    greatest = std::max(greatest, sample.distance - sample.way);
-  }
+  const double greatest = (near.distances.cast<double>() - near.ways.cast<double>()).maxCoeff();
   return std::max(greatest - kRounding, to_box);
 }
 

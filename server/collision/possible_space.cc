@@ -178,40 +178,42 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
   const double rho = space.least_obstacle();
   const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
   RobotVoxels robot{VoxelSet(grid), VoxelSet(grid)};
-  // `at_centre`: the distance of the voxel's centre.
-  const auto decide = [&](int x, int y, int z, double at_centre) {
-    double farthest = at_centre + half_diagonal;
-    // Nearer by looking at the eighths of the voxel, where that can matter.
-    const bool closer = (farthest >= rho && at_centre + half_diagonal / 2 < rho) ||
-                        (farthest > 0 && at_centre + half_diagonal / 2 <= 0);
-    if (closer) {
-      const Eigen::Vector3d centre = grid.Box(x, y, z).center();
-      double of_eighths = -std::numeric_limits<double>::infinity();
-      for (int corner = 0; corner < 8; ++corner) {
-        const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
-        of_eighths = std::max(of_eighths, signed_distance(centre + grid.edge() / 2 * to));
-      }
-      farthest = std::min(farthest, of_eighths + half_diagonal / 2);
+  // `at_centre`: the distance of the voxel's centre. Where it decides nothing, the centres of the
+  // voxel's eighths do, which are nearer to all of their points.
+  const auto wholly_below = [&](int x, int y, int z, double at_centre, double limit) {
+    if (at_centre + half_diagonal < limit) return true;
+    const double most = limit - half_diagonal / 2;
+    if (at_centre >= most) return false;
+    const Eigen::Vector3d centre = grid.Box(x, y, z).center();
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
+      if (signed_distance(centre + grid.edge() / 2 * to) >= most) return false;
     }
-    if (farthest < rho) robot.no_centre.Insert(x, y, z);
-    if (farthest <= 0) robot.inside.Insert(x, y, z);
+    return true;
+  };
+  const auto insert = [](VoxelSet& set, int x, int y, int z, int edges) {
+    for (int i = 0; i < edges * edges; ++i) {
+      set.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
+    }
   };
   // A cube of voxels: all of it is decided by its centre, or its eighths are.
   const auto visit = [&](auto& self, int x, int y, int z, int edges) -> void {
     const Eigen::Vector3d centre =
         grid.Corner(x, y, z) + grid.edge() * edges / 2 * Eigen::Vector3d::Ones();
     const double at_centre = signed_distance(centre);
-    const double reach = edges * half_diagonal;
     if (edges == 1) {
-      if (at_centre < rho) decide(x, y, z, at_centre);
+      if (wholly_below(x, y, z, at_centre, rho)) robot.no_centre.Insert(x, y, z);
+      if (wholly_below(x, y, z, at_centre, 0)) robot.inside.Insert(x, y, z);
       return;
     }
-    if (at_centre - reach >= rho) return;
-    if (at_centre + reach <= 0) {
-      for (int i = 0; i < edges * edges; ++i) {
-        robot.no_centre.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
-        robot.inside.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
-      }
+    const double reach = edges * half_diagonal;
+    // No voxel of the cube is wholly below this, or less.
+    const double least = at_centre - reach + 1.5 * half_diagonal;
+    if (least >= rho) return;
+    const bool all_below = at_centre + reach < rho;
+    if (all_below && (least >= 0 || at_centre + reach < 0)) {
+      insert(robot.no_centre, x, y, z, edges);
+      if (least < 0) insert(robot.inside, x, y, z, edges);
       return;
     }
     const int half = edges / 2;
@@ -227,10 +229,10 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
   return robot;
 }
 
-PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
-                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed,
-                             int max_occluded_views)
-    : space_(space) {
+PossibleVoxels::PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images,
+                               const RobotVoxels& robot,
+                               std::span<const std::optional<Mask>> allowed,
+                               int max_occluded_views) {
   CheckSizes(space, images, robot, allowed);
   if (max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
@@ -244,8 +246,8 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
   }
   const VoxelGrid& grid = space.grid();
   VoxelSet possible(grid);
-  VoxelSet centres(grid);
-  VoxelSet plain(grid);
+  centres = VoxelSet(grid);
+  plain = VoxelSet(grid);
   VoxelSet taken(grid);
   const bool any_allowed = std::any_of(allowed.begin(), allowed.end(),
                                        [](const auto& mask) { return mask && !mask->Empty(); });
@@ -289,17 +291,21 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
       centres.InsertRowOfBlock(block.x, y, z, centre);
     }
   }
-  remaining_ = MetByBalls(centres, grid, space.least_obstacle());
-  const std::span<uint64_t> words = remaining_.words();
+  remaining = MetByBalls(centres, grid, space.least_obstacle());
+  const std::span<uint64_t> words = remaining.words();
   for (size_t i = 0; i < words.size(); ++i) {
     const uint64_t reached = space.reached().words()[i] & ~taken.words()[i];
     plain.words()[i] &= reached;
     words[i] = (words[i] & possible.words()[i] & reached) | plain.words()[i];
   }
-  plain_ = std::move(plain);
-  centres_ = std::move(centres);
-  plain_blocks_ = BlocksOf(plain_);
-  centre_blocks_ = BlocksOf(centres_);
+}
+
+PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
+                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed,
+                             int max_occluded_views)
+    : space_(space), voxels_(space, images, robot, allowed, max_occluded_views) {
+  plain_blocks_ = BlocksOf(voxels_.plain);
+  centre_blocks_ = BlocksOf(voxels_.centres);
   FindParts(images);
 }
 
@@ -310,9 +316,9 @@ void PossibleSpace::FindParts(const ObstacleImages& images) {
     if (images[view]) possible_pixels_[view] = ~images[view]->Background();
   }
   // Voxels inside a part are seen where its surface is, or where it is cut off.
-  const VoxelSet surface = Surface(remaining_);
+  const VoxelSet surface = Surface(voxels_.remaining);
   always_met_ = VoxelSet(space_.grid());
-  std::vector<VoxelPart> parts = PartsOf(ConnectedParts(remaining_, kMostParts / 4));
+  std::vector<VoxelPart> parts = PartsOf(ConnectedParts(voxels_.remaining, kMostParts / 4));
   for (size_t i = 0; i < parts.size(); ++i) {
     while (AlwaysMet(parts[i]) && parts[i].Length() > kShortestPart && parts.size() < kMostParts) {
       auto [lower, upper] = Halves(parts[i]);
@@ -326,7 +332,7 @@ void PossibleSpace::FindParts(const ObstacleImages& images) {
       parts_.push_back(Drawn(parts[i], surface));
     }
   }
-  remaining_blocks_ = BlocksOf(remaining_);
+  remaining_blocks_ = BlocksOf(voxels_.remaining);
   always_met_blocks_ = BlocksOf(always_met_);
 }
 
@@ -412,7 +418,8 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
     for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge; ++row) {
       const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
       const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
-      for (unsigned left = remaining_.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
+      for (unsigned left = voxels_.remaining.RowOfBlock(block.x, y, z); left != 0;
+           left &= left - 1) {
         const int x = std::countr_zero(left);
         const size_t place = static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
                              static_cast<size_t>(row * kPossibleSpaceEdge + x);
@@ -425,7 +432,8 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
 }
 
 bool PossibleSpace::AnyMet(const MayTouch& touched, const MayTouch& met) const {
-  return BodyTouches(plain_, plain_blocks_, touched) || BodyTouches(centres_, centre_blocks_, met);
+  return BodyTouches(voxels_.plain, plain_blocks_, touched) ||
+         BodyTouches(voxels_.centres, centre_blocks_, met);
 }
 
 bool PossibleSpace::VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y,

@@ -44,6 +44,20 @@ struct RobotVoxels {
 RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
                           const std::function<double(const Eigen::Vector3d&)>& signed_distance);
 
+// What may hold an obstacle, in voxels.
+struct PossibleVoxels {
+  // The arguments and errors are those of PossibleSpace.
+  PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+                 std::span<const std::optional<Mask>> allowed, int max_occluded_views);
+
+  // All of it, where the robot may be met.
+  VoxelSet remaining;
+  // Of these, what stays however small the obstacle.
+  VoxelSet plain;
+  // Where balls of the least obstacle may have their centres.
+  VoxelSet centres;
+};
+
 // Refers to the voxel space, which must outlive it. Cannot be changed once made; used by any number
 // of threads.
 class PossibleSpace {
@@ -63,7 +77,7 @@ class PossibleSpace {
   bool sees(int view) const { return possible_pixels_[static_cast<size_t>(view)].has_value(); }
 
   // What may hold an obstacle, where the robot may be met.
-  const VoxelSet& remaining() const { return remaining_; }
+  const VoxelSet& remaining() const { return voxels_.remaining; }
 
   // What remains in parts, as planes: the connected parts, and pieces of those whose planes would
   // meet the robot at any configuration, because it always covers some of their pixels in every
@@ -113,9 +127,7 @@ class PossibleSpace {
   bool BodyTouches(const VoxelSet& voxels, std::span<const int> blocks, const MayTouch& body) const;
 
   const VoxelSpace& space_;
-  VoxelSet remaining_;
-  VoxelSet plain_;    // of those that remain
-  VoxelSet centres_;  // where balls of the least obstacle may have their centres
+  PossibleVoxels voxels_;
   VoxelSet always_met_;
   std::vector<int> always_met_blocks_;  // places in space_.active()
   std::vector<int> remaining_blocks_;   // places in space_.active()

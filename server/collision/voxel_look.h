@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "absl/container/flat_hash_map.h"
 #include "db/mask/mask.h"
 #include "server/collision/obstacle_image.h"
 #include "server/collision/voxel_space.h"
@@ -55,7 +56,7 @@ class VoxelLooker {
   std::vector<std::optional<Eigen::Vector2d>> corners_;
   double bulge_ = 0;  // pixels by which a voxel's image may exceed its corners'
   std::map<VoxelSpace::RectangleKind, uint32_t> kinds_;
-  std::map<std::array<int, 6>, uint32_t> quantised_;
+  absl::flat_hash_map<std::array<int, 6>, uint32_t> quantised_;
   std::map<PixelShape, uint32_t> shapes_;
 };
 

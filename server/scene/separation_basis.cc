@@ -139,9 +139,9 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
                                             std::span<const JointPosition> joints,
                                             std::span<const std::optional<Mask>> allowed,
                                             int max_occluded_views) const {
-  const PossibleSpace far(space_, images, sound_->RobotAt(space_, joints), allowed,
-                          max_occluded_views);
-  VoxelSet people = far.remaining();
+  VoxelSet people =
+      PossibleVoxels(space_, images, sound_->RobotAt(space_, joints), allowed, max_occluded_views)
+          .remaining;
   KeepOnly(people, counted_);
   VoxelSet close = near.remaining();
   if (unseen_is_empty_) KeepOnly(close, near.space().seen());

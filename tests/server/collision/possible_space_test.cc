@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
 #include "tests/random.h"
@@ -125,6 +127,44 @@ VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRand
                            space.reached().words()[i] & ~taken.words()[i];
   }
   return remaining;
+}
+
+TEST(RobotVoxels, AreThoseWhoseCentreOrAllEighthsAreDeepEnoughAndNothingElse) {
+  Random random;
+  const VoxelSpace space = SomeSpace();
+  const VoxelGrid& grid = space.grid();
+  std::uniform_real_distribution<double> place(-0.4, 0.4);
+  std::uniform_real_distribution<double> radius(0.02, 0.25);
+  int inside = 0;
+  for (int i = 0; i < std::max(SampleCount(8), 4); ++i) {
+    testing::Balls body;
+    for (int ball = 0; ball <= i % 3; ++ball) {
+      body.push_back({Vector3d(place(random), place(random), place(random)), radius(random)});
+    }
+    const auto distance = [&](const Vector3d& point) { return testing::DistanceTo(body, point); };
+    const RobotVoxels robot = VoxelsOfRobot(space, distance);
+    const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
+    const auto deep = [&](const Vector3d& centre, double limit) {
+      if (distance(centre) + half_diagonal < limit) return true;
+      bool all = distance(centre) + half_diagonal / 2 < limit;
+      for (int corner = 0; corner < 8; ++corner) {
+        const Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
+        all = all && distance(centre + grid.edge() / 2 * to) + half_diagonal / 2 < limit;
+      }
+      return all;
+    };
+    for (int64_t v = 0; v < grid.voxels(); ++v) {
+      const int x = static_cast<int>(v % grid.size(0));
+      const int y = static_cast<int>(v / grid.size(0) % grid.size(1));
+      const int z = static_cast<int>(v / grid.size(0) / grid.size(1));
+      const Vector3d centre = grid.Box(x, y, z).center();
+      const bool looked_at = space.PlaceOf(x, y, z).has_value();
+      ASSERT_EQ(robot.no_centre.at(x, y, z), looked_at && deep(centre, kPossibleSpaceRho));
+      ASSERT_EQ(robot.inside.at(x, y, z), looked_at && deep(centre, 0));
+      inside += robot.inside.at(x, y, z) ? 1 : 0;
+    }
+  }
+  EXPECT_GT(inside, 0);
 }
 
 TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
