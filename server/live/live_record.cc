@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/scene/scene.h"
 
 namespace silhouette {
 
@@ -91,17 +92,23 @@ std::string Spoken(const LiveStatus& status) {
 }
 
 std::string FaultsOf(const LiveStatus& status) {
-  std::vector<DeviceStatus> devices = status.cameras;
-  devices.push_back(status.robot);
+  const auto why = [](const DeviceStatus& device, const char* gives) {
+    return !device.fault.empty() ? device.fault
+           : device.age ? absl::StrCat("the last ", gives, " came ", Aged(*device.age), " ago")
+                        : absl::StrCat("no ", gives, " yet");
+  };
+  Failing cameras;
+  for (const DeviceStatus& camera : status.cameras) {
+    if (!camera.serving) cameras.Add(camera.name, why(camera, "image"));
+  }
   std::vector<std::string> faults;
-  for (const DeviceStatus& device : devices) {
-    if (device.serving) continue;
-    const std::string gives = device.name.empty() ? "joint values" : "image";
-    const std::string why =
-        !device.fault.empty() ? device.fault
-        : device.age ? absl::StrCat("its last ", gives, " came ", Aged(*device.age), " ago")
-                     : absl::StrCat("no ", gives, " yet");
-    faults.push_back(absl::StrCat(TitleOf(device.name), " does not serve: ", why));
+  for (const Failing::Group& group : cameras.groups()) {
+    faults.push_back(
+        absl::StrCat(group.Named("camera"),
+                     group.several() ? " do not serve: " : " does not serve: ", group.why));
+  }
+  if (!status.robot.serving) {
+    faults.push_back(absl::StrCat("robot does not serve: ", why(status.robot, "joint values")));
   }
   if (!faults.empty()) return absl::StrJoin(faults, "; ");
   return status.fault.empty() ? "the next scene is not ready" : status.fault;

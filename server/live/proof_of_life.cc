@@ -137,7 +137,7 @@ absl::Status ProofOfLife::FaultOf(View& view, const CameraImage& image, const Sa
   const uint64_t digest = XXH3_64bits(image.pixels.data(), image.pixels.size());
   if (!view.known.insert(digest).second) {
     return absl::DataLossError(
-        absl::StrCat("its camera is frozen: it repeats an image byte for byte under a new time "
+        absl::StrCat("the camera is frozen: it repeats an image byte for byte under a new time "
                      "stamp; restart the camera",
                      kNoNoise));
   }
@@ -151,7 +151,7 @@ absl::Status ProofOfLife::FaultOf(View& view, const CameraImage& image, const Sa
   view.quiet_pairs = share && *share < settings_.least_noise ? view.quiet_pairs + 1 : 0;
   if (view.quiet_pairs < kDeadPairs) return absl::OkStatus();
   return absl::DataLossError(absl::StrFormat(
-      "its camera is frozen: from image to image its pixels change by %.2f of the reference's "
+      "the camera is frozen: from image to image its pixels change by %.2f of the reference's "
       "noise, less than least_noise, %g; restart the camera, or switch off its noise reduction%s",
       *share, settings_.least_noise, kNoNoise));
 }
@@ -209,7 +209,7 @@ absl::Status ProofOfLife::JudgeMotion(size_t view, const RobotCover& robot, cons
   }
   known.least_changed = std::max<size_t>(1, static_cast<size_t>(std::ceil(least_changed)));
   known.still = absl::DataLossError(absl::StrFormat(
-      "its camera is frozen: the robot moved, and %d pixels changed where it was or is, less than "
+      "the camera is frozen: the robot moved, and %d pixels changed where it was or is, less than "
       "least_change, %g, of the %d compared where it is; restart the camera, and move something in "
       "its view",
       changed, settings_.least_change, there.pixels));

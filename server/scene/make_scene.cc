@@ -212,22 +212,28 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
   }
   std::ranges::move(DefectsOfViews(database, settings, conditions, covers, scene),
                     std::back_inserter(scene.defects));
+  Failing missing;
   for (int view = 0; view < database.views(); ++view) {
     const std::optional<SceneView>& seen = scene.views[static_cast<size_t>(view)];
-    const std::string name = absl::StrCat("view '", database.view_name(view), "' ");
+    const std::string& name = database.view_name(view);
     if (!seen) {
-      scene.defects.push_back({Reason::kViewMissing,
-                               absl::StrCat(name, "is missing and counts as showing an obstacle; ",
-                                            WhyMissing(input, database.view_name(view)))});
+      missing.Add(name, WhyMissing(input, name));
     } else if (seen->core_error_pixels >
                settings.max_core_error * static_cast<double>(seen->foreground.size().pixels())) {
       scene.defects.push_back(
           {Reason::kErrorArea,
-           absl::StrCat(name, "shows background where the robot should be, on ",
+           absl::StrCat("view '", name, "' shows background where the robot should be, on ",
                         seen->core_error_pixels, " of ", seen->foreground.size().pixels(),
                         " pixels, rims not counted: the robot is not "
                         "where it says, the camera moved, or the light changed")});
     }
+  }
+  for (const Failing::Group& group : missing.groups()) {
+    scene.defects.push_back(
+        {Reason::kViewMissing,
+         absl::StrCat(group.Named("view"),
+                      group.several() ? " are missing and count" : " is missing and counts",
+                      " as showing an obstacle; ", group.why)});
   }
 }
 

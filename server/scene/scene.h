@@ -31,6 +31,25 @@ struct SceneDefect {
   std::string message;  // one sentence that names the thing and the mend
 };
 
+// Things of a kind that fail, by why they do: what fails for one reason is named together.
+class Failing {
+ public:
+  void Add(const std::string& name, const std::string& why);
+
+  struct Group {
+    std::string why;
+    std::vector<std::string> names;
+
+    bool several() const { return names.size() > 1; }
+    // "view 'left'", "views 'left', 'right'", of the kind "view".
+    std::string Named(const std::string& kind) const;
+  };
+  const std::vector<Group>& groups() const { return groups_; }
+
+ private:
+  std::vector<Group> groups_;
+};
+
 // What one view saw.
 struct SceneView {
   std::string name;

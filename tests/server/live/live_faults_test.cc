@@ -58,7 +58,7 @@ TEST_F(LiveFaultsTest, FrozenCameraIsMissingAndNothingIsFree) {
   ASSERT_TRUE(Start().ok());
   AllIsWellAgain();
   Script([](LiveScript& to) { Freeze(to, 2); });
-  ViewIsMissingBecause("its camera is frozen: it repeats an image byte for byte");
+  ViewIsMissingBecause("the camera is frozen: it repeats an image byte for byte");
   Script([](LiveScript& to) { to.change = nullptr; });
   AllIsWellAgain();
 }

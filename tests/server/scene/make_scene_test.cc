@@ -229,6 +229,18 @@ TEST_F(MakeSceneTest, WithTooLargeAnAreaOfCoreErrorsIsDefect) {
   EXPECT_THAT(Make(*database, input, {.max_core_error = share})->defects, IsEmpty());
 }
 
+TEST_F(MakeSceneTest, ViewsThatMissForOneReasonAreNamedTogether) {
+  input.views.resize(1);
+  input.without_views = {{"right", "the camera is frozen"}, {"top", "the camera is frozen"}};
+  ASSERT_EQ(TheDefect(), Reason::kViewMissing);
+  EXPECT_EQ(Make(*database, input)->defects[0].message,
+            "views 'right', 'top' are missing and count as showing an obstacle; the camera is "
+            "frozen");
+  input.without_views["top"] = "its cable is pulled";
+  EXPECT_THAT(ReasonsOf(*Make(*database, input)),
+              ElementsAre(Reason::kViewMissing, Reason::kViewMissing));
+}
+
 TEST_F(MakeSceneTest, WithSeveralDefectsTellsThemAll) {
   input.joints.clear();
   input.views.pop_back();

@@ -83,7 +83,7 @@ TEST_F(AcquisitionServiceTest, ReasonNamesTheDeviceAndWhatItDoes) {
     return response.basis().defects(0).message();
   };
   EXPECT_THAT(the_defect(v1::Verdict::REASON_NO_SCENE),
-              AllOf(HasSubstr("camera 'left' does not serve: no image yet"),
+              AllOf(HasSubstr("cameras 'left', 'right', 'top' do not serve: no image yet"),
                     HasSubstr("robot does not serve: no joint values yet")));
   AllGood();
   Scene scene = *MakeScene(*database, EmptyCellScene(), {}, {}, server.clock.clock()());
@@ -95,7 +95,7 @@ TEST_F(AcquisitionServiceTest, ReasonNamesTheDeviceAndWhatItDoes) {
   record->NoteJoints(Now());
   const std::string stale = the_defect(v1::Verdict::REASON_SCENE_STALE);
   EXPECT_THAT(stale, AllOf(HasSubstr("2s old"), HasSubstr("camera 'right' does not serve: cable"),
-                           HasSubstr("camera 'top' does not serve: its last image came 2s ago")));
+                           HasSubstr("camera 'top' does not serve: the last image came 2s ago")));
   EXPECT_THAT(stale, Not(AnyOf(HasSubstr("'left'"), HasSubstr("robot"), HasSubstr("publish"))));
 }
 
