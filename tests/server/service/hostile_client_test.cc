@@ -281,11 +281,19 @@ TEST(HostileClientThreads, ListenerTakesConnectionsAgainAfterDescriptorsRanOut) 
   EXPECT_EQ(taken, 2);
 }
 
-TEST(Clients, AreToldApartByTheirAddress) {
+TEST(Clients, AreToldApartByTheirAddressWhateverTheirPort) {
   EXPECT_EQ(ClientOf("ipv4:10.1.2.3:4711"), "10.1.2.3");
-  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8::1%5D:4711"), "2001:db8::1");
+  EXPECT_EQ(ClientOf("ipv4:10.1.2.3:4712"), "10.1.2.3");
+  EXPECT_EQ(ClientOf("ipv6:%5B::1%5D:4711"), "::1");
+  EXPECT_EQ(ClientOf("ipv6:%5Bfe80::7%25eth0%5D:4711"), "fe80::7");
   EXPECT_EQ(ClientOf("unix:"), "unix");
   EXPECT_EQ(ClientOf("unix:/run/s"), "unix");
+}
+
+TEST(Clients, HostWithManyAddressesIsOne) {
+  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2::1%5D:4711"), "2001:db8:1:2::/64");
+  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2:3:4:5:6%5D:4711"), "2001:db8:1:2::/64");
+  EXPECT_EQ(ClientAt("2001:db8:1:3::1"), "2001:db8:1:3::/64");
 }
 
 TEST(Clients, AreBoundedInNumber) {
