@@ -72,8 +72,8 @@ struct Options {
 };
 
 // The program's signals, taken by a thread of its own: none waits until other work is done. After
-// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it, whatever hangs:
-// a device, a disk, the log. A second signal ends it at once. Thread-safe.
+// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it, whatever
+// hangs: a device, a disk, the log. A second signal ends it at once. Thread-safe.
 class Signals {
  public:
   // Before any thread is started, so that all leave the signals to this. To be kept until the
