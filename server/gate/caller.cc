@@ -50,13 +50,18 @@ std::optional<uid_t> UserAt(int connection) {
   return peer.uid;
 }
 
-std::string CallerOf(grpc::CallbackServerContext& context) {
-  std::string address = PrintableName(context.peer());
-  if (address.starts_with("ip")) address = address.substr(0, address.rfind(':'));
+std::string QuotedNameOf(grpc::CallbackServerContext& context) {
   const std::unique_ptr<grpc_auth_context, decltype(&grpc_auth_context_release)> auth(
       grpc_call_auth_context(context.c_call()), grpc_auth_context_release);
   const std::vector<std::string> names = NamesOf(auth.get());
-  return names.empty() ? address : absl::StrCat("'", PrintableName(names[0]), "' at ", address);
+  return names.empty() ? "" : absl::StrCat("'", PrintableName(names[0]), "'");
+}
+
+std::string CallerOf(grpc::CallbackServerContext& context) {
+  std::string address = PrintableName(context.peer());
+  if (address.starts_with("ip")) address = address.substr(0, address.rfind(':'));
+  const std::string name = QuotedNameOf(context);
+  return name.empty() ? address : absl::StrCat(name, " at ", address);
 }
 
 }  // namespace silhouette

@@ -51,7 +51,7 @@ FileStates StatesOf(const TlsFiles& files) {
 // Thread-safe.
 class Gate {
  public:
-  Gate(GateSettings settings, std::string user, Denied denied)
+  Gate(GateSettings settings, std::vector<std::string> user, Denied denied)
       : files_(settings.tls.value_or(TlsFiles())),
         roles_(std::move(settings.roles)),
         user_(std::move(user)),
@@ -92,14 +92,15 @@ class Gate {
   void NameUser(grpc_auth_context* context) {
     if (user_.empty()) return;
     const std::lock_guard lock(mutex_);
-    if (NamesOf(context).empty()) {
-      grpc_auth_context_add_cstring_property(context, kUserProperty, user_.c_str());
+    if (!NamesOf(context).empty()) return;
+    for (const std::string& name : user_) {
+      grpc_auth_context_add_cstring_property(context, kUserProperty, name.c_str());
     }
   }
 
   const TlsFiles files_;
   const Roles roles_;
-  const std::string user_;
+  const std::vector<std::string> user_;
   const Denied denied_;
   std::mutex mutex_;
   FileStates seen_;
@@ -129,7 +130,7 @@ void PermitFor(void* gate, grpc_auth_context* context, const grpc_metadata* meta
 // its C interface can.
 class GateCredentials final : public grpc::ServerCredentials {
  public:
-  GateCredentials(GateSettings settings, std::string user, Denied denied)
+  GateCredentials(GateSettings settings, std::vector<std::string> user, Denied denied)
       : settings_(std::move(settings)), user_(std::move(user)), denied_(std::move(denied)) {}
 
   void SetAuthMetadataProcessor(const std::shared_ptr<grpc::AuthMetadataProcessor>&) override {
@@ -160,14 +161,14 @@ class GateCredentials final : public grpc::ServerCredentials {
   }
 
   const GateSettings settings_;
-  const std::string user_;
+  const std::vector<std::string> user_;
   const Denied denied_;
 };
 
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
-    const GateSettings& settings, const std::string& user, Denied denied) {
+    const GateSettings& settings, const std::vector<std::string>& user, Denied denied) {
   if (!settings.tls && settings.roles.empty()) return grpc::InsecureServerCredentials();
   if (settings.tls) RETURN_IF_ERROR(ReadTls(*settings.tls).status());
   return std::make_shared<GateCredentials>(settings, user, std::move(denied));

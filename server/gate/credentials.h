@@ -12,6 +12,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -46,10 +47,11 @@ bool StaysOnThisMachine(const std::string& address);
 absl::Status CheckGate(const std::string& address, const GateSettings& settings);
 
 // What a server takes connections with. Calls that settings.roles does not permit end with
-// PERMISSION_DENIED before any service has them. `user`: whom settings.roles name, at the other end
-// of a Unix socket; empty: another, or it is none. Errors: those of ReadTls.
+// PERMISSION_DENIED before any service has them. `user`: all names that settings.roles have for the
+// user at the other end of a Unix socket; empty: it has none, or there is no user. Errors: those of
+// ReadTls.
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
-    const GateSettings& settings, const std::string& user, Denied denied);
+    const GateSettings& settings, const std::vector<std::string>& user, Denied denied);
 
 // Gives the socket file of "unix:path" its group and mode. FailedPrecondition: there is no such
 // group, or this process may not give it.

@@ -235,6 +235,9 @@ struct CellPage::Http {
     server.set_tcp_nodelay(true);
     server.set_payload_max_length(kMostBody);
     server.set_keep_alive_max_count(1);
+    // A connection that is silent, or falls silent, holds up the end of the program for so long.
+    server.set_keep_alive_timeout(1);
+    server.set_read_timeout(1);
     server.set_default_headers(SecurityHeaders());
     server.set_pre_routing_handler(
         [](const httplib::Request& request, httplib::Response& response) {

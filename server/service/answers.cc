@@ -29,8 +29,10 @@ namespace silhouette {
 
 namespace {
 
-// Up to this many configurations are checked in gRPC's own threads.
+// Up to this many configurations are checked in gRPC's own threads, which scenes come through, too:
+// about 0.1 ms of look-ups, or 0.5 ms of robot images that are drawn or searched along lines.
 constexpr int kFewChecks = 64;
+constexpr int kFewSlowChecks = 4;
 
 absl::Status AtMost(int limit, int count, const std::string& field) {
   if (count <= limit) return absl::OkStatus();
@@ -187,9 +189,11 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
   const RobotImageTable& images = database->robot_images();
   const bool reads = !images.in_memory() && images.drawn() == nullptr;
   if (reads && !request.configurations().empty()) return false;
-  // Under the sound presets even a few checks may take longer than look-ups.
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *database);
-  return !policy.ok() || !IsSound(policy->preset);
+  if (!policy.ok()) return true;
+  if (IsSound(policy->preset)) return false;  // even one may take long
+  const bool slow = images.drawn() != nullptr || IsCalibrated(policy->preset);
+  return !slow || request.configurations_size() <= kFewSlowChecks;
 }
 
 absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,

@@ -46,7 +46,7 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
 // The verdict that is returned when the answer is ready.
 Verdict Final(const Verdict& verdict, Reason blocked);
 
-// Whether a question is answered by a few look-ups, at once.
+// Whether a question takes so little time that it is answered at once, in gRPC's own threads.
 bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request);
 
 // The answer of the newest scene. `cancelled`: whether the call is over, as its caller is gone, its

@@ -18,6 +18,7 @@
 
 #include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
+#include "server/gate/caller.h"
 #include "server/service/clients.h"
 
 namespace silhouette {
@@ -152,8 +153,9 @@ void WriteMessage(const Message& message, grpc::ByteBuffer* bytes) {
   message.SerializeToZeroCopyStream(&writer);
 }
 
-std::string ClientOf(const grpc::CallbackServerContext& context) {
-  return ClientOf(context.peer());
+std::string ClientOf(grpc::CallbackServerContext& context) {
+  const std::string name = QuotedNameOf(context);
+  return name.empty() ? ClientOf(context.peer()) : name;
 }
 
 absl::Status Guarded(const std::function<absl::Status()>& work) {
@@ -195,8 +197,7 @@ grpc::ServerUnaryReactor* AnswerOn(WorkerPool& workers, Serving& serving,
   return reactor;
 }
 
-absl::StatusOr<Clients::Place> AdmitStream(Serving& serving,
-                                           const grpc::CallbackServerContext& context) {
+absl::StatusOr<Clients::Place> AdmitStream(Serving& serving, grpc::CallbackServerContext& context) {
   const std::string client = ClientOf(context);
   RETURN_IF_ERROR(serving.clients.Call(client));
   return serving.clients.Stream(client);

@@ -74,8 +74,8 @@ std::function<absl::Status()> OnBytes(const grpc::ByteBuffer* request, grpc::Byt
   };
 }
 
-// Who calls.
-std::string ClientOf(const grpc::CallbackServerContext& context);
+// Who calls, as Clients counts it: by its name (QuotedNameOf), or else its address.
+std::string ClientOf(grpc::CallbackServerContext& context);
 
 // Finishes a call with what `work` returns, at once.
 grpc::ServerUnaryReactor* AnswerHere(Serving& serving, grpc::CallbackServerContext* context,
@@ -89,8 +89,7 @@ grpc::ServerUnaryReactor* AnswerOn(WorkerPool& workers, Serving& serving,
                                    std::function<absl::Status()> work);
 
 // Admits a call that lasts; to be kept until its end.
-absl::StatusOr<Clients::Place> AdmitStream(Serving& serving,
-                                           const grpc::CallbackServerContext& context);
+absl::StatusOr<Clients::Place> AdmitStream(Serving& serving, grpc::CallbackServerContext& context);
 
 // A call that is refused before its work begins.
 template <typename Reactor>

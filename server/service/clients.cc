@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/clients.h"
 
+#include <arpa/inet.h>
+#include <netinet/in.h>
+
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -27,6 +31,18 @@ const char* NameOf(Limit limit) {
   return "waiting";
 }
 
+std::string ClientAt(const std::string& host) {
+  in6_addr address{};
+  if (inet_pton(AF_INET6, host.c_str(), &address) != 1 || IN6_IS_ADDR_LOOPBACK(&address) ||
+      IN6_IS_ADDR_LINKLOCAL(&address)) {
+    return host;
+  }
+  std::fill(address.s6_addr + 8, address.s6_addr + 16, 0);
+  std::array<char, INET6_ADDRSTRLEN> text{};
+  inet_ntop(AF_INET6, &address, text.data(), text.size());
+  return absl::StrCat(text.data(), "/64");
+}
+
 std::string ClientOf(const std::string& peer) {
   if (absl::StartsWith(peer, "unix")) return "unix";
   const size_t scheme = peer.find(':');
@@ -37,7 +53,7 @@ std::string ClientOf(const std::string& peer) {
   if (absl::StartsWith(host, "%5B") && absl::EndsWith(host, "%5D")) {
     host = host.substr(3, host.size() - 6);
   }
-  return host;
+  return ClientAt(host.substr(0, host.find('%')));  // without the link of an address that has one
 }
 
 Clients::Clients(const ClientLimits& limits) : limits_(limits) {}

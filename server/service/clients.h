@@ -30,8 +30,12 @@ inline constexpr size_t kLimits = 6;
 // As in cell.yaml.
 const char* NameOf(Limit limit);
 
-// Who asks, of what grpc::ServerContext::peer() says: the address without the port; "unix" for all
-// that come over a socket of this machine.
+// Who asks, by the number of its host: all addresses of an IPv6 network of 64 bits are one client,
+// as one host may take any of them; those that are valid on one link alone are as many clients.
+std::string ClientAt(const std::string& host);
+
+// Who asks, of what grpc::ServerContext::peer() says: ClientAt; "unix" for all that come over a
+// socket of this machine.
 std::string ClientOf(const std::string& peer);
 
 // What one client has and had. `refused`: by Limit.

@@ -151,7 +151,7 @@ std::string PeerOf(const sockaddr_storage& peer) {
   } else {
     return "unix";
   }
-  return text.data();
+  return ClientAt(text.data());
 }
 
 Descriptor Spare() { return Descriptor(open("/dev/null", O_RDONLY | O_CLOEXEC)); }

@@ -96,7 +96,7 @@ void TellScene(const Serving& serving, Families& to) {
            static_cast<double>(scene->defects.size()));
 }
 
-// The client of all of them is bounded in number by Clients, and in length by what an address is.
+// The client of all of them is bounded in number by Clients, and in length as ClientOf is.
 void TellClients(const Serving& serving, Families& to) {
   const std::vector<ClientCounts> clients = serving.clients.Counts();
   const auto of = [](const ClientCounts& client) {

@@ -16,6 +16,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
@@ -120,19 +121,21 @@ using Acceptors =
 absl::StatusOr<Acceptors> AddAcceptors(const std::string& address, const GateSettings& gate,
                                        const Denied& denied, grpc::ServerBuilder& builder) {
   Acceptors acceptors;
-  const auto add = [&](std::optional<uid_t> number, const std::string& user) {
+  const auto add = [&](std::optional<uid_t> number, const std::vector<std::string>& user) {
     const auto credentials = CredentialsFor(gate, user, denied);
     if (!credentials.ok()) return credentials.status();
     acceptors[number] = builder.experimental().AddExternalConnectionAcceptor(
         grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, *credentials);
     return absl::OkStatus();
   };
-  RETURN_IF_ERROR(add(std::nullopt, ""));
+  RETURN_IF_ERROR(add(std::nullopt, {}));
   if (!address.starts_with("unix:")) return acceptors;
-  for (const std::string& user : gate.roles.names()) {
-    ASSIGN_OR_RETURN(const uid_t number, UserNamed(user));
-    RETURN_IF_ERROR(add(number, user));
+  std::map<uid_t, std::vector<std::string>> users;  // a number may have several names
+  for (const std::string& name : gate.roles.names()) {
+    ASSIGN_OR_RETURN(const uid_t number, UserNamed(name));
+    users[number].push_back(name);
   }
+  for (const auto& [number, names] : users) RETURN_IF_ERROR(add(number, names));
   return acceptors;
 }
 

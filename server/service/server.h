@@ -56,10 +56,10 @@ class Server {
     return serving_.publisher.Publish(std::move(scene), database);
   }
 
-  // Runs `task` on a thread that takes scenes; never, if those hang. It must not throw.
-  // Thread-safe, until Stop().
+  // Runs `task` on a thread that takes scenes, however many of them wait; never, if those threads
+  // hang. It must not throw. Thread-safe, until Stop().
   void RunWhereScenesAreTaken(std::function<void()> task) {
-    serving_.scene_workers.Run(/*client=*/"", /*bytes=*/0, std::move(task));
+    serving_.scene_workers.Run(WorkerPool::kServer, /*bytes=*/0, std::move(task));
   }
 
   // What is known from now on of whether the calibration holds; null: it is not checked.

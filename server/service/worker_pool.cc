@@ -29,8 +29,9 @@ bool WorkerPool::Run(const std::string& client, size_t bytes, std::function<void
     const std::lock_guard lock(mutex_);
     const auto of_client = tasks_.find(client);
     const size_t waiting = of_client == tasks_.end() ? 0 : of_client->second.size();
-    if (closing_ || waiting_ >= settings_.queue || waiting >= settings_.queue_per_client ||
-        waiting_bytes_ + bytes > settings_.queued_bytes) {
+    const bool full =
+        waiting_ >= settings_.queue || waiting_bytes_ + bytes > settings_.queued_bytes;
+    if (closing_ || waiting >= settings_.queue_per_client || (full && client != kServer)) {
       return false;
     }
     if (waiting == 0) turns_.push_back(client);

@@ -36,6 +36,9 @@ class WorkerPool {
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
+  // The client that stands for the server itself: of the limits, only queue_per_client is its.
+  static constexpr char kServer[] = "";
+
   // Runs the task some time later; false, and it will not run, if a limit of the queue is reached.
   // `bytes`: of its request. The task must not throw. May be called from any thread.
   bool Run(const std::string& client, size_t bytes, std::function<void()> task);

@@ -50,8 +50,9 @@ namespace silhouette {
 namespace {
 
 constexpr char kName[] = "silhouette-server";
-// How long calls in flight may take when the server is stopped.
+// How long calls in flight may take when the server is stopped, and the whole program.
 constexpr absl::Duration kGrace = absl::Seconds(1);
+constexpr std::chrono::milliseconds kLongestEnd{1900};
 
 struct Options {
   std::string cell;
@@ -70,14 +71,48 @@ struct Options {
   std::string obstacles;  // in the simulated cell; empty: none
 };
 
-// The signals that the program waits for itself. Blocked before any thread is started, so that no
-// thread is interrupted by them.
-sigset_t AwaitedSignals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&signals, signal);
-  return signals;
-}
+// The program's signals, taken by a thread of its own: none waits until other work is done. After
+// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it, whatever
+// hangs: a device, a disk, the log. A second signal ends it at once. Thread-safe.
+class Signals {
+ public:
+  // Before any thread is started, so that all leave the signals to this. To be kept until the
+  // program ends.
+  Signals() {
+    sigemptyset(&awaited_);
+    for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&awaited_, signal);
+    pthread_sigmask(SIG_BLOCK, &awaited_, nullptr);
+    std::thread([this] { Take(); }).detach();
+  }
+
+  // Waits. True: SIGHUP came, once or more often; false: the program is to end.
+  bool WaitForReload() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return ending_ || reloading_; });
+    return !ending_ && std::exchange(reloading_, false);
+  }
+
+ private:
+  [[noreturn]] void Take() {
+    int signal = SIGHUP;
+    while (signal == SIGHUP) {
+      if (sigwait(&awaited_, &signal) != 0) continue;
+      const std::lock_guard lock(mutex_);
+      (signal == SIGHUP ? reloading_ : ending_) = true;
+      changed_.notify_all();
+    }
+    sigdelset(&awaited_, SIGHUP);
+    pthread_sigmask(SIG_UNBLOCK, &awaited_, nullptr);
+    std::this_thread::sleep_for(kLongestEnd);
+    std::_Exit(kDone);
+  }
+
+  sigset_t awaited_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool reloading_ = false;
+  bool ending_ = false;
+};
 
 absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
   const absl::Status& known = database.margins_known();
@@ -141,18 +176,6 @@ void ShowLife(const std::stop_token& stop, Server& server) {
   }
 }
 
-// Serves until SIGTERM or SIGINT comes.
-void WaitForEnd(const Cell& cell, const std::string& path, bool unverified, Server& server) {
-  const sigset_t signals = AwaitedSignals();
-  for (;;) {
-    int signal = 0;
-    if (sigwait(&signals, &signal) != 0) continue;
-    if (signal != SIGHUP) return;
-    ReportCertificates(cell);
-    Reload(cell, path, unverified, server);
-  }
-}
-
 std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) views.push_back(view.name);
@@ -194,15 +217,8 @@ void AskForDescriptors(const ClientLimits& limits) {
   setrlimit(RLIMIT_NOFILE, &descriptors);
 }
 
-// Waits for SIGTERM or SIGINT.
-void WaitForStop() {
-  const sigset_t signals = AwaitedSignals();
-  int signal = SIGHUP;
-  while (sigwait(&signals, &signal) != 0 || signal == SIGHUP) continue;
-}
-
 // Shows a recording on the page, and opens nothing else.
-absl::Status ShowRecording(const Options& options) {
+absl::Status ShowRecording(const Options& options, Signals& signals) {
   if (options.page.empty()) {
     return InvalidArgument("--replay shows a recording on the page: add --page 127.0.0.1:8080");
   }
@@ -234,11 +250,11 @@ absl::Status ShowRecording(const Options& options) {
   ASSIGN_OR_RETURN(const auto page, CellPage::Start(options.page, options.insecure, *replay));
   std::cout << "recording at http://" << page->address() << "/" << std::endl;
   sd_notify(0, "READY=1");
-  WaitForStop();
+  while (signals.WaitForReload()) continue;  // a recording stays as it is
   return absl::OkStatus();
 }
 
-absl::Status Serve(const Options& options) {
+absl::Status Serve(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
@@ -300,26 +316,23 @@ absl::Status Serve(const Options& options) {
   sd_notify(0, "READY=1");
   {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
-    WaitForEnd(cell, path, options.unverified, *server);
+    while (signals.WaitForReload()) {
+      ReportCertificates(cell);
+      Reload(cell, path, options.unverified, *server);
+    }
   }
   sd_notify(0, "STOPPING=1");
+  spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
   live.reset();
   page.reset();
-  calibration_watch.reset();
-  spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
-  // A second signal ends the program at once.
-  sigset_t ending = AwaitedSignals();
-  sigdelset(&ending, SIGHUP);
-  pthread_sigmask(SIG_UNBLOCK, &ending, nullptr);
   server->Stop(kGrace);
   spdlog::info("stopped");
   return absl::OkStatus();
 }
 
 int Main(int argc, char** argv) {
-  const sigset_t signals = AwaitedSignals();
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  static Signals& signals = *new Signals;
   spdlog::set_default_logger(spdlog::stderr_logger_mt(kName));
   spdlog::set_formatter(LineFormatter());
 
@@ -377,8 +390,9 @@ int Main(int argc, char** argv) {
       ->needs("--live");
   app.footer(
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
-      "stderr. SIGTERM and Ctrl-C let the calls in flight finish, for at most a second; SIGHUP "
-      "reads the database again.\n"
+      "stderr. SIGTERM and Ctrl-C let the calls in flight finish, for at most a second, and end "
+      "the\n"
+      "program within two, with exit code 3 if something hangs; SIGHUP reads the database again.\n"
       "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
       "then the address must be one of this machine alone, or --insecure be given.\n"
       "Started by systemd, it tells when it is ready, and its watchdog that it still takes "
@@ -389,7 +403,8 @@ int Main(int argc, char** argv) {
       "  silhouette-server --cell cell.yaml --replay recordings/stop-20260131T120000.123Z.mcap "
       "--page 127.0.0.1:8080");
   const Work serve = [&options]() -> absl::StatusOr<ExitCode> {
-    RETURN_IF_ERROR(options.replay.empty() ? Serve(options) : ShowRecording(options));
+    RETURN_IF_ERROR(options.replay.empty() ? Serve(options, signals)
+                                           : ShowRecording(options, signals));
     return kDone;
   };
   return RunProgram(app, argc, argv, serve);

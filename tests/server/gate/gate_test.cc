@@ -155,6 +155,15 @@ TEST_F(GateTest, UserAtTheOtherEndOfAUnixSocketHasItsRole) {
   EXPECT_THAT(Audited(), HasSubstr("\"who\":\"'" + ThisUser() + "'\",\"what\":\"call.denied\""));
 }
 
+TEST_F(GateTest, UserHasTheRolesOfAllItsNames) {
+  const std::string number = "uid " + std::to_string(getuid());
+  GateSettings gate;
+  gate.roles = Roles({{Role::kPlanner, {ThisUser()}}, {Role::kPublisher, {number}}});
+  Start(gate, "unix:" + (FreshFolder() / "socket").string());
+  EXPECT_THAT(AllowedFor(ClientOf({})),
+              ElementsAre("check", "explain", "publish", "read", "read regions", "space", "watch"));
+}
+
 TEST_F(GateTest, UserWithoutARoleMayDoNothing) {
   GateSettings gate;
   gate.roles = Roles({{Role::kAdministrator, {getuid() == 0 ? "nobody" : "root"}}});
@@ -202,6 +211,16 @@ TEST(UserAt, IsWhoConnectedNotWhoListens) {
     waitpid(child, nullptr, 0);
   }
   close(listener);
+}
+
+TEST_F(GateTest, NamedClientsBehindOneAddressAreCountedEachForItself) {
+  ServingSettings settings;
+  settings.gate = TlsGate();
+  settings.limits.calls_per_second = 0.001;  // one call, and no other for a long time
+  server = *Server::Start("127.0.0.1:0", NewDatabase(), std::move(settings));
+  EXPECT_TRUE(Ask(TlsOf("planner")).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(Ask(TlsOf("planner")))) << "by another connection";
+  EXPECT_TRUE(Ask(TlsOf("publisher")).ok());
 }
 
 TEST_F(GateTest, ChangesAreRecordedWithTheNameOfWhoMadeThem) {

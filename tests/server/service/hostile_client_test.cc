@@ -27,14 +27,19 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-// A clock at which the threads that check wait until it is released.
-class ClockThatHoldsChecks {
+bool IsOfPool(const std::string& pool) {
+  std::array<char, 16> name{};
+  pthread_getname_np(pthread_self(), name.data(), name.size());
+  return name.data() == pool;
+}
+
+// A clock at which the threads of a pool wait until it is released.
+class ClockThatHolds {
  public:
+  explicit ClockThatHolds(std::string pool) : pool_(std::move(pool)) {}
   Clock Around(Clock inner) {
     return [this, inner] {
-      std::array<char, 16> name{};
-      pthread_getname_np(pthread_self(), name.data(), name.size());
-      if (name.data() == std::string("checks")) {
+      if (IsOfPool(pool_)) {
         held_.count_down();
         release_.wait();
       }
@@ -45,12 +50,13 @@ class ClockThatHoldsChecks {
   void Release() { release_.count_down(); }
 
  private:
+  const std::string pool_;
   std::latch held_{2};
   std::latch release_{1};
 };
 
 TEST(HostileClientThreads, ScenesAreTakenWhileChecksHoldAllTheirWorkersAndFillTheirQueue) {
-  ClockThatHoldsChecks holding;
+  ClockThatHolds holding("checks");
   ServingSettings settings;
   settings.limits.waiting = 4;
   TestServer server(NewDatabase(), settings, [&](Clock inner) { return holding.Around(inner); });
@@ -85,6 +91,50 @@ TEST(HostileClientThreads, ScenesAreTakenWhileChecksHoldAllTheirWorkersAndFillTh
   EXPECT_EQ(response.scene().id(), 1u);
   holding.Release();
   for (std::future<grpc::Status>& path : paths) path.get();
+}
+
+TEST(HostileClientThreads, LifeIsShownHoweverManyScenesWaitButNotWhileTheirThreadsHang) {
+  ClockThatHolds holding("scenes");
+  ServingSettings settings;
+  settings.limits.waiting = 2;
+  TestServer server(NewDatabase(), settings, [&](Clock inner) { return holding.Around(inner); });
+  const v1::PublishSceneRequest request = server.Stamped(RequestOf(EmptyCellScene()));
+  std::atomic<int> refused = 0;
+  std::vector<std::future<void>> clients;
+  const auto publish = [&] {
+    clients.push_back(std::async(std::launch::async, [&] {
+      if (!server.PublishStatus(request).ok()) ++refused;
+    }));
+  };
+  for (int i = 0; i < 2; ++i) publish();
+  holding.WaitUntilTwoAreHeld();
+  // Two more wait; the others find the queue full.
+  for (int i = 0; i < 4; ++i) publish();
+  while (refused < 2) std::this_thread::yield();
+  auto life = std::make_shared<std::promise<void>>();
+  std::future<void> shown = life->get_future();
+  server.server->RunWhereScenesAreTaken([life] { life->set_value(); });
+  life.reset();
+  EXPECT_EQ(shown.wait_for(std::chrono::seconds(0)), std::future_status::timeout);
+  holding.Release();
+  EXPECT_NO_THROW(shown.get()) << "the task was refused";
+  for (std::future<void>& client : clients) client.get();
+}
+
+TEST(HostileClient, ManySearchesAreNotMadeInTheThreadsThatScenesComeThrough) {
+  std::atomic<int> by_workers = 0;
+  TestServer server(NewDatabase({.calibration = TestCalibration()}), {}, [&](Clock inner) {
+    return [&, inner] {
+      if (IsOfPool("checks")) ++by_workers;
+      return inner();
+    };
+  });
+  server.Publish(EmptyCellScene());
+  const std::vector<Configuration> many(5, At(1, 0));
+  server.Check(many, PolicyNamed("uncalibrated"));
+  EXPECT_EQ(by_workers, 0) << "look-ups are";
+  server.Check(many, PolicyNamed("calibrated"));
+  EXPECT_GT(by_workers, 0);
 }
 
 TEST(HostileClient, LongTextIsRefusedWithoutBeingRepeated) {
@@ -281,11 +331,19 @@ TEST(HostileClientThreads, ListenerTakesConnectionsAgainAfterDescriptorsRanOut) 
   EXPECT_EQ(taken, 2);
 }
 
-TEST(Clients, AreToldApartByTheirAddress) {
+TEST(Clients, AreToldApartByTheirAddressWhateverTheirPort) {
   EXPECT_EQ(ClientOf("ipv4:10.1.2.3:4711"), "10.1.2.3");
-  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8::1%5D:4711"), "2001:db8::1");
+  EXPECT_EQ(ClientOf("ipv4:10.1.2.3:4712"), "10.1.2.3");
+  EXPECT_EQ(ClientOf("ipv6:%5B::1%5D:4711"), "::1");
+  EXPECT_EQ(ClientOf("ipv6:%5Bfe80::7%25eth0%5D:4711"), "fe80::7");
   EXPECT_EQ(ClientOf("unix:"), "unix");
   EXPECT_EQ(ClientOf("unix:/run/s"), "unix");
+}
+
+TEST(Clients, HostWithManyAddressesIsOne) {
+  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2::1%5D:4711"), "2001:db8:1:2::/64");
+  EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2:3:4:5:6%5D:4711"), "2001:db8:1:2::/64");
+  EXPECT_EQ(ClientAt("2001:db8:1:3::1"), "2001:db8:1:3::/64");
 }
 
 TEST(Clients, AreBoundedInNumber) {

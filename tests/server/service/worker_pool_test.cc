@@ -75,6 +75,28 @@ TEST(WorkerPool, BoundsTheTasksOfAClientAndTheBytesOfAll) {
   release.count_down();
 }
 
+TEST(WorkerPool, TakesTheServersOwnTaskThoughTheQueueIsFull) {
+  std::latch started(1);
+  std::latch release(1);
+  std::string order;
+  {
+    WorkerPool pool({.name = "test", .queue = 2, .queue_per_client = 2, .queued_bytes = 100});
+    EXPECT_TRUE(pool.Run("a", 0, [&] {
+      started.count_down();
+      release.wait();
+    }));
+    started.wait();
+    EXPECT_TRUE(pool.Run("a", 50, [&order] { order += 'a'; }));
+    EXPECT_TRUE(pool.Run("a", 50, [&order] { order += 'a'; }));
+    EXPECT_FALSE(pool.Run("b", 0, [] {}));
+    EXPECT_TRUE(pool.Run(WorkerPool::kServer, 0, [&order] { order += 's'; }));
+    EXPECT_TRUE(pool.Run(WorkerPool::kServer, 0, [&order] { order += 's'; }));
+    EXPECT_FALSE(pool.Run(WorkerPool::kServer, 0, [] {})) << "they do not pile up";
+    release.count_down();
+  }
+  EXPECT_EQ(order, "asas");
+}
+
 TEST(WorkerPool, FinishRunsWhatWaitsAndTakesNoMore) {
   int done = 0;
   WorkerPool pool({.name = "test"});

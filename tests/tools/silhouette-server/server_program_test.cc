@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-server as a user starts it.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <grpcpp/create_channel.h>
 #include <gtest/gtest.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/un.h>
 
 #include <algorithm>
@@ -15,12 +17,14 @@
 #include <set>
 #include <sstream>
 #include <thread>
+#include <vector>
 
 #include "calib/files/calibration_message.h"
 #include "common/recording/recorder.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
 #include "silhouette/v1/scene_service.grpc.pb.h"
+#include "tests/db/store/full_disk.h"
 #include "tests/folders.h"
 #include "tests/running_program.h"
 #include "tests/server/service/raw_call.h"
@@ -32,6 +36,7 @@ namespace silhouette {
 namespace {
 
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::Pair;
@@ -174,6 +179,50 @@ TEST_F(ServerProgramTest, TellsSystemdThatItIsReadyThatItLivesAndThatItStops) {
   while ((last = notifications.Next()) == "WATCHDOG=1") continue;
   EXPECT_EQ(last, "STOPPING=1");
   EXPECT_EQ(program.ExitCode(), 0);
+}
+
+TEST_F(ServerProgramTest, ShowsSystemdThatItLivesWhileClientsFloodIt) {
+  WriteFile(cell, std::string(kServerTestCellFile) + "server: {limits: {waiting: 1}}\n");
+  Notifications notifications(folder / "notify");
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_EQ(notifications.Next(), "READY=1");
+  const auto channel = grpc::CreateChannel(program.Address(), grpc::InsecureChannelCredentials());
+  v1::CheckPathRequest path;
+  for (int i = 0; i < 1000; ++i) Set(At(i % 5, i % 8), path.add_waypoints());
+  const v1::PublishSceneRequest scene = RequestOf(EmptyCellScene());
+  std::vector<std::jthread> clients;
+  for (int i = 0; i < 8; ++i) {
+    clients.emplace_back([&](const std::stop_token& stop) {
+      while (!stop.stop_requested()) {
+        grpc::ClientContext checking;
+        v1::CheckPathResponse checked;
+        v1::CollisionService::NewStub(channel)->CheckPath(&checking, path, &checked);
+        grpc::ClientContext publishing;
+        v1::PublishSceneResponse published;
+        v1::SceneService::NewStub(channel)->PublishScene(&publishing, scene, &published);
+      }
+    });
+  }
+  for (int i = 0; i < 10; ++i) EXPECT_EQ(notifications.Next(), "WATCHDOG=1");
+}
+
+TEST_F(ServerProgramTest, EndsThoughAThreadOfItsOwnHangs) {
+  const std::string check = folder / "check.json";
+  WriteFile(check, "");
+  ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0",
+                                 "--calibration-check", check});
+  EXPECT_NE(program.Address(), "");
+  // A file whose end never comes, like one of a server that is gone.
+  const std::string endless = folder / "endless";
+  ASSERT_EQ(mkfifo(endless.c_str(), 0600), 0);
+  std::filesystem::rename(endless, check);
+  int writer = -1;
+  while ((writer = open(check.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC)) < 0) {
+    std::this_thread::yield();  // until it is read
+  }
+  EXPECT_EQ(program.End(SIGTERM), 0);
+  close(writer);
 }
 
 TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets) {
@@ -534,6 +583,67 @@ TEST_F(DamagedFileTest, FileCutUnderARunningServerMakesAllUnknown) {
   WaitForLog("not reloaded, still serving the old state");
   EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
   EXPECT_EQ(program->End(SIGTERM), 0);
+}
+
+using FullDiskOfAServer = FullDisk;
+
+TEST_F(FullDiskOfAServer, LeavesItsVerdictsAndLosesNoRecordOfAChange) {
+  const std::string cell = disk_ + "/cell.yaml";
+  WriteFile(cell, std::string(kServerTestCellFile) +
+                      "database: db\nserver: {max_age: 1 min, audit: audit.jsonl}\n");
+  MakeDatabase(disk_ + "/db", {.index = true, .cell = DescriptionOf(*LoadCell(cell))});
+  ServerProgram program(FreshFolder(), {"--cell", cell, "--listen", "127.0.0.1:0"});
+  const auto channel = grpc::CreateChannel(program.Address(), grpc::InsecureChannelCredentials());
+  const auto wait_for_log = [&](const std::string& text) {
+    while (program.Errors().find(text) == std::string::npos) std::this_thread::yield();
+  };
+  // Of a scene with a block: where it is not, and where it is.
+  const auto verdicts = [&] {
+    SceneInput input = SceneWithBlock(3);
+    for (ViewInput& view : input.views) view.captured = SystemClock();
+    grpc::ClientContext publishing, asking;
+    v1::PublishSceneResponse published;
+    EXPECT_TRUE(v1::SceneService::NewStub(channel)
+                    ->PublishScene(&publishing, RequestOf(input), &published)
+                    .ok());
+    v1::CheckConfigurationsRequest request;
+    for (const int a : {1, 3}) Set(At(a, 0), request.add_configurations());
+    v1::CheckConfigurationsResponse response;
+    EXPECT_TRUE(v1::CollisionService::NewStub(channel)
+                    ->CheckConfigurations(&asking, request, &response)
+                    .ok());
+    std::vector<v1::Verdict::State> states;
+    for (const v1::Verdict& verdict : response.verdicts()) states.push_back(verdict.state());
+    return states;
+  };
+  const auto right = ElementsAre(v1::Verdict::STATE_FREE, v1::Verdict::STATE_OCCUPIED);
+  EXPECT_THAT(verdicts(), right);
+  Fill();
+  program.Signal(SIGHUP);
+  wait_for_log("reloaded; ");
+  // The file's last page has room for some.
+  int changes = 0;
+  for (; program.Errors().find("cannot write the audit file") == std::string::npos; ++changes) {
+    grpc::ClientContext context;
+    v1::AllowRegionResponse allowed;
+    ASSERT_TRUE(v1::SceneService::NewStub(channel)
+                    ->AllowRegion(&context, RegionAt("part", 1, absl::Seconds(1)), &allowed)
+                    .ok());
+  }
+  EXPECT_THAT(verdicts(), right);
+  Empty();
+  wait_for_log("is written again");
+  EXPECT_THAT(verdicts(), right);
+  EXPECT_EQ(program.End(SIGTERM), 0);
+  int recorded = 0;
+  std::ifstream audit(disk_ + "/audit.jsonl");
+  for (std::string line; std::getline(audit, line);) {
+    if (line.find("region.allow") != std::string::npos) ++recorded;
+  }
+  EXPECT_EQ(recorded, changes);
+  const std::string verify = absl::StrCat(ProgramFolder(), "/silhouette-db audit verify ", disk_,
+                                          "/audit.jsonl > /dev/null");
+  EXPECT_EQ(std::system(verify.c_str()), 0);
 }
 
 // Sockets on which the process listens.
