@@ -25,6 +25,10 @@ constexpr double kMostOutliers = 0.3;
 constexpr double kFewCovered = 0.25;  // of an image
 constexpr double kSpreadOdd = 2;
 constexpr double kBowed = 30;  // gain of the lenses
+// Mask pixels: wider bands say little of where a point is, smaller masks little of the robot.
+constexpr double kWidestMargin = 1.5;
+constexpr int kLeastMask = 16;
+constexpr double kManyPlaces = 500;  // of a board
 
 std::string Number(double value) { return absl::StrFormat("%.3g", value); }
 
@@ -121,8 +125,60 @@ std::vector<std::string> Warnings(const ViewPair& pair, const WeakCalibration& f
   return warnings;
 }
 
+std::string SizeText(PixelSize size) { return absl::StrFormat("%dx%d", size.width, size.height); }
+
+// How bands can be made to hold without better images; empty if they would be of no use. A margin
+// grows with the masks: an error in the camera images is more pixels of a finer mask.
+std::string OrWiderBands(double margin, double most_margin, PixelSize mask_a, PixelSize mask_b) {
+  if (margin > kWidestMargin) return "";
+  const double wider = std::ceil(20 * margin) / 20;
+  std::string text = absl::StrFormat(
+      ". Or accept wider bands, which block more: set margin: %g under calibration in cell.yaml, "
+      "and --max-margin %g",
+      wider, wider);
+  const auto coarser = [&](PixelSize size) {
+    const double scale = most_margin / margin;
+    return PixelSize{static_cast<int>(scale * size.width), static_cast<int>(scale * size.height)};
+  };
+  const PixelSize a = coarser(mask_a);
+  const PixelSize b = coarser(mask_b);
+  if (std::min({a.width, a.height, b.width, b.height}) < kLeastMask) return text;
+  return text + ". Or capture with coarser masks: mask_size at most " + SizeText(a) +
+         (SizeText(a) == SizeText(b) ? "" : " and " + SizeText(b)) + " instead of " +
+         SizeText(mask_a) +
+         (SizeText(mask_a) == SizeText(mask_b) ? "" : " and " + SizeText(mask_b));
+}
+
+std::string WhyMargin(const ViewPair& pair, const WeakCalibration& found, double most_margin,
+                      PixelSize mask_a, PixelSize mask_b) {
+  if (found.bowed) {
+    return "lenses bow the lines, and no matrix follows that. Calibrate lenses and poses, and use "
+           "camera models";
+  }
+  const std::string or_wider = OrWiderBands(found.margin, most_margin, mask_a, mask_b);
+  if (found.held_out.margin <= found.predicted_margin) {
+    // The deviation falls with the root of the number of places.
+    const int places = PlacesOf(pair);
+    const double enough = places * std::pow(found.predicted_margin / most_margin, 2);
+    const std::string how_many = enough < kManyPlaces
+                                     ? absl::StrFormat("about %.0f", std::ceil(enough))
+                                     : std::string("many more");
+    return "the corners leave it too uncertain. Show boards in " + how_many +
+           " places instead of " + std::to_string(places) + ", all over what both views see" +
+           or_wider;
+  }
+  const std::string off =
+      "corners that it was not fitted to are up to " + Number(found.held_out.worst) + " px off";
+  if (std::max(found.spread, found.held_out.rms / found.held_out.noise) > kSpreadOdd) {
+    return off +
+           ". Did anything move while the images were taken? Take them again, with the board "
+           "at rest";
+  }
+  return off + ", by their own noise. Take sharper images, or show larger tags" + or_wider;
+}
+
 std::optional<std::string> WhyRefused(const ViewPair& pair, const WeakCalibration& found,
-                                      double most_margin) {
+                                      double most_margin, PixelSize mask_a, PixelSize mask_b) {
   const double share =
       static_cast<double>(found.outliers) / static_cast<double>(pair.corners.size());
   if (share > kMostOutliers) {
@@ -133,19 +189,9 @@ std::optional<std::string> WhyRefused(const ViewPair& pair, const WeakCalibratio
            "these need camera models";
   }
   if (found.margin > most_margin) {
-    std::string why =
-        "the corners leave it too uncertain. Show boards in more places, all over what both views "
-        "see";
-    if (found.bowed) {
-      why =
-          "lenses bow the lines, and no matrix follows that. Calibrate lenses and poses, and use "
-          "camera models";
-    } else if (found.held_out.margin > found.predicted_margin) {
-      why = "corners that it was not fitted to are up to " + Number(found.held_out.worst) +
-            " px off. Did anything move while the images were taken?";
-    }
     return "the matrix needs a margin of " + Number(found.margin) + " mask pixels, where " +
-           Number(most_margin) + " is allowed (--max-margin): " + why;
+           Number(most_margin) +
+           " is allowed (--max-margin): " + WhyMargin(pair, found, most_margin, mask_a, mask_b);
   }
   return std::nullopt;
 }
@@ -187,7 +233,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   result.margin = std::max(result.predicted_margin, result.held_out.margin) +
                   (result.bowed ? result.lenses.margin : 0);
   result.warnings = Warnings(pair, result, a, b);
-  result.refusal = WhyRefused(pair, result, most_margin);
+  result.refusal = WhyRefused(pair, result, most_margin, a.mask, b.mask);
   return result;
 }
 

@@ -274,7 +274,10 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
                           group.noise));
     }
   }
-  if (solution.groups.size() > 1) {
+  if (!settings.simultaneous) {
+    solution.warnings.push_back(
+        "each camera was solved by itself; how the cameras stand to each other is not known");
+  } else if (solution.groups.size() > 1) {
     std::vector<std::string> names;
     for (const LensGroup& group : solution.groups) {
       names.push_back(absl::StrJoin(group.cameras, ", ", [&](std::string* out, size_t camera) {

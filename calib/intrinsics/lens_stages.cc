@@ -2,6 +2,7 @@
 #include "calib/intrinsics/lens_stages.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
@@ -36,26 +37,47 @@ std::vector<double> Lengths(const LensProblem& problem, const std::vector<double
   return lengths;
 }
 
+// Which part of its camera's image a corner is in.
+constexpr size_t kPartsX = 4;
+constexpr size_t kPartsY = 3;
+constexpr size_t kParts = kPartsX * kPartsY;
+
+size_t PartOf(const Eigen::Vector3d& corner, const std::array<int, 2>& size) {
+  const auto part = [](double at, int length, size_t count) {
+    const double last = static_cast<double>(count) - 1;
+    return static_cast<size_t>(std::clamp(std::floor(at / length * (last + 1)), 0.0, last));
+  };
+  return part(corner.y(), size[1], kPartsY) * kPartsX + part(corner.x(), size[0], kPartsX);
+}
+
 // Marks the outliers again. Returns whether that changed anything.
 bool MarkOutliers(LensProblem& problem, const std::vector<double>& weights, double sigma,
-                  double sigmas) {
+                  const OutlierRule& rule) {
+  constexpr size_t kEnough = 30;  // corners for a median
   const std::vector<double> lengths = Lengths(problem, weights);
   const size_t corners = problem.CornersPerBoard();
   std::vector<std::vector<double>> of_camera(problem.intrinsics.size());
+  std::vector<std::vector<double>> of_part(of_camera.size() * kParts);
+  std::vector<size_t> parts(lengths.size());
   for (size_t i = 0; i < lengths.size(); ++i) {
+    if (lengths[i] < 0) continue;
     const auto camera = static_cast<size_t>(problem.observations[i / corners].camera);
-    if (lengths[i] >= 0) of_camera[camera].push_back(lengths[i]);
+    parts[i] = camera * kParts + PartOf(problem.corners[i], problem.image_sizes[camera]);
+    of_camera[camera].push_back(lengths[i]);
+    of_part[parts[i]].push_back(lengths[i]);
   }
   std::vector<double> limits;
-  for (auto& each : of_camera) {
-    limits.push_back(sigmas * std::max(sigma, Median(std::move(each)) / kMedianLength));
+  for (size_t part = 0; part < of_part.size(); ++part) {
+    const double of_all = Median(of_camera[part / kParts]);
+    const bool known = rule.by_part && of_part[part].size() >= kEnough;
+    const double here = known ? Median(of_part[part]) : 0;
+    limits.push_back(rule.sigmas * std::max(sigma, std::max(of_all, here) / kMedianLength));
   }
   bool changed = false;
   for (size_t i = 0; i < lengths.size(); ++i) {
     if (lengths[i] < 0) continue;
-    const auto camera = static_cast<size_t>(problem.observations[i / corners].camera);
     // Also what is not a number is an outlier.
-    const double weight = lengths[i] <= limits[camera] ? weights[i] : kOutlier;
+    const double weight = lengths[i] <= limits[parts[i]] ? weights[i] : kOutlier;
     changed = changed || weight != problem.corners[i].z();
     problem.corners[i].z() = weight;
   }
@@ -109,7 +131,7 @@ FreeParts LastStep(const LensProblem& problem, bool fixed_lenses, bool warp) {
 }
 
 absl::Status SolveExactly(LensProblem& problem, bool fixed_lenses, bool warp, double sigma,
-                          const LensSettings& settings) {
+                          const OutlierRule& rule) {
   constexpr int kMostPasses = 8;
   std::vector<double> weights;
   for (const Eigen::Vector3d& corner : problem.corners) weights.push_back(corner.z());
@@ -119,7 +141,7 @@ absl::Status SolveExactly(LensProblem& problem, bool fixed_lenses, bool warp, do
   if (solved.ok() && !fixed_lenses) solved = Solve(problem, regularised);
   const FreeParts last = LastStep(problem, fixed_lenses, warp);
   for (int pass = 0; solved.ok() && pass < kMostPasses; ++pass) {
-    const bool changed = MarkOutliers(problem, weights, sigma, settings.outlier_sigmas);
+    const bool changed = MarkOutliers(problem, weights, sigma, rule);
     if (!changed && pass > 0) break;
     solved = Solve(problem, last);
   }

@@ -23,11 +23,22 @@ absl::Status SolveRoughly(LensProblem& problem);
 // What the last step of SolveExactly leaves free.
 FreeParts LastStep(const LensProblem& problem, bool fixed_lenses, bool warp);
 
-// From good seeds to the optimum. Weights of outliers become kOutlier: residuals longer than
-// settings.outlier_sigmas times the larger of the camera's own noise (from the median) and
-// `sigma`, the standard deviation of a corner of weight 1. Internal if mrcal fails.
+// Corners whose residuals are longer than `sigmas` times the noise are left out: the noise of their
+// camera (from the median) or, if larger, the sightings' own sigma or, with `by_part`, the noise
+// of the corners in that part of the image.
+struct OutlierRule {
+  double sigmas = 0;
+  bool by_part = false;
+};
+// For the result. At rims lens models fit worse, and few corners say what the lens is there.
+inline constexpr OutlierRule kUsed{.sigmas = 6, .by_part = true};
+// For the judgement: what is left out speaks against the lens.
+inline constexpr OutlierRule kJudged{.sigmas = 4.5, .by_part = false};
+
+// From good seeds to the optimum. Weights of outliers become kOutlier. `sigma`: the standard
+// deviation of a corner of weight 1. Internal if mrcal fails.
 absl::Status SolveExactly(LensProblem& problem, bool fixed_lenses, bool warp, double sigma,
-                          const LensSettings& settings);
+                          const OutlierRule& rule);
 
 // The median length of an observation's residuals, weighted; 0 without corners.
 std::vector<double> MedianResiduals(const LensProblem& problem);
@@ -62,6 +73,31 @@ std::string LensModelOf(const LensCamera& camera, const LensSettings& settings);
 absl::StatusOr<SingleCamera> SolveAlone(const LensCamera& camera,
                                         const std::vector<const BoardView*>& views,
                                         const Lattice& lattice, const LensSettings& settings);
+
+// Whether cameras that are solved together saw each board at one place, at one instant: their solve
+// against that of each camera by itself, whose boards have poses of their own.
+
+// Together, residuals may be this many times those of each camera apart.
+inline constexpr double kMostDisagreement = 1.2;
+
+struct JointFit {
+  struct Disagreeing {
+    size_t placing = 0;  // LensProblem::reference_from_board
+    double pixels = 0;   // what the residuals have more together, rms per axis
+  };
+  // Standard deviations of the residuals, per axis, of corners of weight 1: of boards that several
+  // cameras saw. 0 if that is not enough to compare.
+  double together = 0;
+  double apart = 0;
+  int placings = 0;                      // that were compared
+  bool disagrees = false;                // more than kMostDisagreement
+  std::vector<Disagreeing> disagreeing;  // placings that do, the worst first
+};
+
+// `start`: before SolveExactly, `together`: after it. Internal if mrcal fails.
+absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensProblem& together,
+                                         bool fixed_lenses, bool warp, double sigma,
+                                         const OutlierRule& rule);
 
 // Whether what a solve found can be relied on, in plain words.
 

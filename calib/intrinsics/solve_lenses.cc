@@ -7,6 +7,9 @@
 #include <set>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/board_views.h"
 #include "calib/intrinsics/lens_stages.h"
@@ -139,22 +142,63 @@ SolvedCamera SolvedCameraOf(const LensCamera& camera, const LensProblem& problem
   return solved;
 }
 
+// FailedPrecondition, or a warning, if images that are said to be taken at once disagree.
+absl::Status JudgeJointFit(const GroupProblem& group, const JointFit& fit,
+                           const std::vector<LensCamera>& cameras,
+                           const std::vector<size_t>& members, std::vector<std::string>& warnings) {
+  if (!fit.disagrees && fit.disagreeing.empty()) return absl::OkStatus();
+  constexpr size_t kNamed = 5;
+  std::vector<std::string> frames;
+  for (const JointFit::Disagreeing& each : fit.disagreeing) {
+    if (frames.size() == kNamed) break;
+    const auto& observations = group.problem.observations;
+    const auto first = std::ranges::find(observations, static_cast<int>(each.placing),
+                                         &LensProblem::Observation::board);
+    const auto place = static_cast<size_t>(first - observations.begin());
+    frames.push_back(absl::StrFormat("'%s' (%.2g px)", group.views[place]->frame, each.pixels));
+  }
+  const std::string names = absl::StrJoin(members, ", ", [&](std::string* out, size_t camera) {
+    absl::StrAppend(out, "'", cameras[camera].name, "'");
+  });
+  const std::string what = absl::StrFormat(
+      "%d of %d frames of %s do not show the boards at one place: %s%s; were they taken at once, "
+      "with the board at rest?",
+      fit.disagreeing.size(), fit.placings, names, absl::StrJoin(frames, ", "),
+      fit.disagreeing.size() > kNamed ? " and others" : "");
+  if (!fit.disagrees || cameras[0].fixed) {
+    warnings.push_back(absl::StrCat(
+        what, " If not, leave these frames out; else the lens model or the board does not fit"));
+    return absl::OkStatus();
+  }
+  return FailedPrecondition(absl::StrFormat(
+      "%s Solved together, the cameras' corners are off by %.3f px, apart by %.3f. Leave these "
+      "frames out, or run `intrinsics --not-simultaneous`: each lens is then found by itself, and "
+      "`poses` finds the cameras' poses",
+      what, fit.together, fit.apart));
+}
+
 // Solves one group and adds it to the solution.
 absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& cameras,
                       const std::vector<Board>& boards, const std::vector<size_t>& members,
-                      double sigma, const LensSettings& settings, LensSolution& solution) {
+                      double sigma, const LensSettings& settings, const OutlierRule& rule,
+                      LensSolution& solution) {
   LensProblem& problem = group.problem;
   const bool fixed = cameras[0].fixed.has_value();
   std::set<size_t> used;
   for (const BoardView* view : group.views) used.insert(view->board);
   // A tag by itself can be bent in no way that one could see.
   const bool warp = settings.board_warp && used.size() == 1 && problem.CornersPerBoard() > 4;
-  RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, sigma, settings));
+  const LensProblem start = problem;
+  RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, sigma, rule));
+  ASSIGN_OR_RETURN(const JointFit fit, CompareJointFit(start, problem, fixed, warp, sigma, rule));
+  RETURN_IF_ERROR(JudgeJointFit(group, fit, cameras, members, solution.warnings));
   ASSIGN_OR_RETURN(LensCovariance covariance,
                    CovarianceOf(problem, LastStep(problem, fixed, warp)));
   const size_t place = solution.groups.size();
   LensGroup result{.cameras = members,
                    .noise = std::sqrt(covariance.chi_squared) / sigma,
+                   .together = fit.together,
+                   .apart = fit.apart,
                    .covariance = std::move(covariance)};
   if (warp) result.warp = problem.warp;
   solution.groups.push_back(std::move(result));
@@ -183,7 +227,11 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
                                          const LensSettings& settings) {
   RETURN_IF_ERROR(CheckCameras(cameras));
   RETURN_IF_ERROR(LensParameters(settings.lens_model).status());
-  ASSIGN_OR_RETURN(const BoardViews gathered, GatherBoardViews(cameras, boards, sightings));
+  ASSIGN_OR_RETURN(BoardViews gathered, GatherBoardViews(cameras, boards, sightings));
+  if (!settings.simultaneous) {
+    for (BoardView& view : gathered.views)
+      absl::StrAppend(&view.stand, " of ", cameras[view.camera].name);
+  }
 
   LensSolution solution;
   solution.warnings = gathered.warnings;
@@ -204,13 +252,19 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
   solution.warnings.insert(solution.warnings.end(), ties.warnings.begin(), ties.warnings.end());
   solution.cameras.resize(cameras.size());
   const double sigma = MedianSigma(views);
-  for (size_t g = 0; g < ties.groups.size(); ++g) {
-    GroupProblem group =
-        GroupProblemOf(g, cameras, singles, views, ties, gathered.lattice, sigma, settings);
-    RETURN_IF_ERROR(AddGroup(group, cameras, boards, ties.groups[g], sigma, settings, solution));
-  }
-  RETURN_IF_ERROR(JudgeLenses(cameras, settings, solution));
-  return solution;
+  const auto solve = [&](const OutlierRule& rule) -> absl::StatusOr<LensSolution> {
+    LensSolution result = solution;
+    for (size_t g = 0; g < ties.groups.size(); ++g) {
+      GroupProblem group =
+          GroupProblemOf(g, cameras, singles, views, ties, gathered.lattice, sigma, settings);
+      RETURN_IF_ERROR(
+          AddGroup(group, cameras, boards, ties.groups[g], sigma, settings, rule, result));
+    }
+    RETURN_IF_ERROR(JudgeLenses(cameras, settings, result));
+    return result;
+  };
+  RETURN_IF_ERROR(solve(kJudged).status());
+  return solve(kUsed);
 }
 
 std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,

@@ -34,9 +34,9 @@ struct LensSettings {
   std::string lens_model = "LENSMODEL_OPENCV8";  // by mrcal's name
   // Whether the board may be bent. Of several boards none is: they would share one bend.
   bool board_warp = true;
-  // Corners whose residual is longer than this many standard deviations are left out, unless it is
-  // within this many of the sightings' own sigma.
-  double outlier_sigmas = 4.5;
+  // Whether the images of a frame were taken at one instant. If not, each camera is solved by
+  // itself, and how the cameras stand to each other stays unknown.
+  bool simultaneous = true;
   int least_images = 6;  // of each camera
   // A place of the image is known if projections there are predicted no worse: their standard
   // deviation as a share of the image's width.
@@ -86,6 +86,10 @@ struct LensGroup {
   // The bend of the board along its width and height, metres; nothing if it was taken for flat.
   std::optional<Eigen::Vector2d> warp = std::nullopt;
   double noise = 1;  // residuals' standard deviation over that which the sightings state
+  // Of boards that several cameras saw, the residuals' standard deviation per axis, pixels: in this
+  // solve, and in one of each camera by itself. 0 if there are too few to compare.
+  double together = 0;
+  double apart = 0;
   LensCovariance covariance = {};
 };
 
@@ -116,7 +120,8 @@ struct LensSolution {
 };
 
 // InvalidArgument: the input contradicts itself or is not what it says (messages name the thing and
-// the mend). FailedPrecondition: the sightings do not determine the lenses. Internal: mrcal failed.
+// the mend). FailedPrecondition: the sightings do not determine the lenses, or images of one frame
+// were not taken at one instant. Internal: mrcal failed.
 absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
                                          const std::vector<Board>& boards,
                                          const std::vector<TagSighting>& sightings,

@@ -39,6 +39,7 @@ struct IntrinsicsArguments {
   std::string camera;
   bool unconnected = false;
   bool flat = false;
+  bool not_simultaneous = false;
   LensSettings settings;
   std::string out;
   std::string draw;
@@ -217,13 +218,14 @@ absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
   if (!arguments.from.empty()) return Convert(arguments);
   ASSIGN_OR_RETURN(const Input input, ReadInput(arguments));
   arguments.settings.board_warp = !arguments.flat;
+  arguments.settings.simultaneous = !arguments.not_simultaneous;
   const absl::StatusOr<LensSolution> solution =
       SolveLenses(input.cameras, input.boards, input.sightings, arguments.settings);
   if (!solution.ok()) {
     const ExitCode code = Report("silhouette-calibrate", solution.status());
     return absl::IsFailedPrecondition(solution.status()) ? kNo : code;
   }
-  if (solution->groups.size() > 1 && !arguments.unconnected) {
+  if (solution->groups.size() > 1 && !arguments.unconnected && arguments.settings.simultaneous) {
     Report("silhouette-calibrate",
            FailedPrecondition(solution->warnings.back(),
                               "; take images in which they see a board at once, or accept lenses "
@@ -258,6 +260,11 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->add_flag("--flat", a->flat, "Assume a flat board");
   command->add_flag("--unconnected", a->unconnected,
                     "Accept cameras that no board connects: their poses then have no common frame");
+  command
+      ->add_flag("--not-simultaneous", a->not_simultaneous,
+                 "The images of a frame were not taken at one instant, e.g. of a board held by "
+                 "hand: find each lens by itself, and no poses")
+      ->excludes(fixed);
   command
       ->add_option("--least-images", a->settings.least_images, "Least number of images per camera")
       ->check(CLI::Range(3, 100000))

@@ -258,6 +258,12 @@ std::string LensText(const LensSolution& solution, const std::vector<std::string
       absl::StrAppendFormat(&text, "; the board is bent by %.2f mm along, %.2f mm across",
                             1000 * std::abs(group.warp->x()), 1000 * std::abs(group.warp->y()));
     }
+    if (group.apart > 0) {
+      absl::StrAppendFormat(&text,
+                            "; boards seen by several cameras: off by %.3f px, by each camera "
+                            "alone %.3f px",
+                            group.together, group.apart);
+    }
     text += "\n";
   }
   return absl::StrCat(text, TextOfWarnings(solution.warnings), TextOfFiles(files));
@@ -289,7 +295,11 @@ Json LensJson(const LensSolution& solution, const std::vector<std::string>& file
     for (const size_t camera : group.cameras) names.push_back(solution.cameras[camera].name);
     Json warp;
     if (group.warp) warp = {group.warp->x(), group.warp->y()};
-    groups.push_back({{"views", names}, {"noise_per_sigma", number(group.noise)}, {"warp", warp}});
+    groups.push_back({{"views", names},
+                      {"noise_per_sigma", number(group.noise)},
+                      {"together_px", group.together},
+                      {"apart_px", group.apart},
+                      {"warp", warp}});
   }
   return {
       {"cameras", cameras}, {"groups", groups}, {"warnings", solution.warnings}, {"files", files}};

@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <random>
+#include <regex>
 
 #include "calib/fundamental/epipolar_geometry.h"
 #include "tests/calib/fundamental/seen_cell.h"
@@ -176,6 +177,40 @@ TEST(WeakCalibration, LensesThatBowLinesAreRefusedOrSaid) {
   const WeakCalibration said = slightly.Calibrate(slightly.Pair());
   ASSERT_FALSE(said.refusal) << *said.refusal;
   EXPECT_THAT(said.warnings, Contains(HasSubstr("lenses bow the lines")));
+}
+
+// Corners that are far off, for lack of light say.
+ViewPair NoisyPair(const std::vector<NamedCamera>& cameras, size_t frames, uint64_t seed) {
+  const BoardFrames board = CarriedBoard(cameras, frames, seed, 0.3);
+  return CornersOfPair(board.sightings, cameras[0].view, cameras[1].view);
+}
+
+TEST(WeakCalibration, ARefusedMarginSaysWhatWouldDo) {
+  const auto cameras = CellCameras();
+  const ViewPair pair = NoisyPair(cameras, 6, 8);
+  const auto calibrate = [&](int mask, double most_margin) {
+    return CalibrateWeakly(pair, SizesOf(cameras[0].model, mask), SizesOf(cameras[1].model, mask),
+                           most_margin, 1);
+  };
+  const WeakCalibration found = calibrate(64, kServersMargin);
+  ASSERT_TRUE(found.refusal);
+  std::smatch said;
+  const std::regex words(
+      "Show boards in (about \\d+|many more) places instead of \\d+, .*set margin: (\\S+) under "
+      "calibration in cell.yaml, and --max-margin \\2. .*mask_size at most (\\d+)x\\3 instead of "
+      "64x64");
+  ASSERT_TRUE(std::regex_search(*found.refusal, said, words)) << *found.refusal;
+  EXPECT_FALSE(calibrate(64, std::stod(said[2])).refusal);
+  EXPECT_FALSE(calibrate(std::stoi(said[3]), kServersMargin).refusal);
+}
+
+TEST(WeakCalibration, NoiseOfTheCornersIsNotTakenForMotion) {
+  const auto cameras = CellCameras();
+  const WeakCalibration found =
+      CalibrateWeakly(NoisyPair(cameras, 80, 8), SizesOf(cameras[0].model, 256),
+                      SizesOf(cameras[1].model, 256), kServersMargin, 1);
+  EXPECT_THAT(found.refusal, Optional(HasSubstr("by their own noise")));
+  EXPECT_THAT(found.refusal, Optional(testing::Not(HasSubstr("Did anything move"))));
 }
 
 TEST(WeakCalibration, ATagThatIsThereTwiceIsRefused) {

@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <iostream>
 #include <map>
 #include <random>
@@ -199,6 +200,9 @@ TEST(SolveLenses, TellsOfEachCameraWhatItSawAndHowWellItIsKnown) {
   const auto solution = SolveLenses(LensCamerasOf(cameras), {LatticeBoard()}, session.sightings);
   ASSERT_TRUE(solution.ok()) << solution.status();
   EXPECT_EQ(solution->residuals.size(), 4 * session.sightings.size());
+  EXPECT_NEAR(solution->groups[0].together, 0.1, 0.005);
+  EXPECT_NEAR(solution->groups[0].apart, 0.1, 0.005);
+  EXPECT_THAT(solution->warnings, testing::Not(testing::Contains(HasSubstr("at one place"))));
   for (size_t i = 0; i < 2; ++i) {
     const SolvedCamera& camera = solution->cameras[i];
     EXPECT_EQ(camera.images, 30);
@@ -268,6 +272,26 @@ TEST(SolveLenses, LeavesOutCornersThatDoNotFitAndNoOthers) {
   EXPECT_EQ(found, planted.size());
   EXPECT_LE(others, 2u);
   EXPECT_NEAR(solution->cameras[0].rms, 0.1, 0.01);
+}
+
+TEST(SolveLenses, KeepsCornersOfAPartOfTheImageThatAreAllFartherOff) {
+  std::mt19937 random(17);
+  const auto cameras = CamerasOnAnArc(1);
+  Session session = Look(cameras, LatticeBoard(), {.frames = 40}, random);
+  std::normal_distribution<double> normal(0, 0.5);
+  int there = 0;
+  for (TagSighting& sighting : session.sightings) {
+    for (Eigen::Vector2d& at : sighting.corners) {
+      if (at.x() < 960) continue;
+      ++there;
+      at.x() = std::clamp(at.x() + normal(random), 960.0, 1279.0);
+      at.y() = std::clamp(at.y() + normal(random), 0.0, 959.0);
+    }
+  }
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {LatticeBoard()}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_GT(there, 100);
+  EXPECT_LT(solution->cameras[0].outliers, 5);
 }
 
 TEST(SolveLenses, GivesALensWithWhereItIsKnown) {

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
 #include <random>
 
 #include "calib/intrinsics/solve_lenses.h"
@@ -29,6 +32,25 @@ class WeakData : public testing::Test {
     const auto solution = Solve(sightings);
     EXPECT_EQ(solution.status().code(), code) << solution.status();
     EXPECT_THAT(solution.status().message(), HasSubstr(words));
+  }
+
+  // From the frame `first` on the board moved between the images of the two cameras: by `shake`,
+  // metres, to either side along each axis.
+  std::vector<TagSighting> HeldByHand(int frames, double shake, int first) {
+    const auto way = [&] { return random_() % 2 == 0 ? shake : -shake; };
+    std::vector<TagSighting> sightings;
+    for (int frame = 0; frame < frames; ++frame) {
+      Eigen::Isometry3d pose = RandomBoardPose(random_, board_, {});
+      for (const char* view : {"cam0", "cam1"}) {
+        std::vector<TagSighting> seen;
+        AddSightings(cameras_, board_, pose, FrameName(frame), 0.1, random_, seen);
+        std::ranges::copy_if(seen, std::back_inserter(sightings),
+                             [&](const TagSighting& sighting) { return sighting.view == view; });
+        if (frame < first) continue;
+        pose.pretranslate(Eigen::Vector3d(way(), way(), way()));
+      }
+    }
+    return sightings;
   }
 
   std::mt19937 random_{21};
@@ -148,6 +170,54 @@ TEST_F(WeakData, AFewImagesPairedWronglyAreUsedForTheLensesOnly) {
                                                      "elsewhere than the others did")));
   EXPECT_NEAR(solution->cameras[1].rms, 0.1, 0.01);
   EXPECT_EQ(solution->cameras[1].images, 20);
+}
+
+TEST_F(WeakData, ManyCornersThatAreFarOffSpeakAgainstALensThatUsesThem) {
+  auto sightings = Look({.frames = 25});
+  std::uniform_real_distribution<double> turn(0, 2 * std::numbers::pi);
+  for (size_t i = 0; i < sightings.size(); ++i) {
+    for (size_t k = 0; k < sightings[i].corners.size(); ++k) {
+      if ((i + k) % 3 != 0) continue;
+      const double angle = turn(random_);
+      sightings[i].corners[k] += 0.85 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+    }
+  }
+  std::erase_if(sightings, [](const TagSighting& sighting) {
+    return std::ranges::any_of(sighting.corners, [](const Eigen::Vector2d& at) {
+      return at.minCoeff() < 0 || at.x() > 1279 || at.y() > 959;
+    });
+  });
+  ExpectRefused(sightings, kInvalid, "corners had to be left out");
+}
+
+TEST_F(WeakData, ImagesThatWereNotTakenAtOneInstantAreRefused) {
+  const auto sightings = HeldByHand(40, 0.0005, 0);
+  const auto together = Solve(sightings);
+  EXPECT_EQ(together.status().code(), kWeak) << together.status();
+  EXPECT_THAT(std::string(together.status().message()),
+              AllOf(HasSubstr("'cam0', 'cam1' do not show the boards at one place"),
+                    HasSubstr("intrinsics --not-simultaneous")));
+  const auto apart =
+      SolveLenses(LensCamerasOf(cameras_), {board_}, sightings, {.simultaneous = false});
+  ASSERT_TRUE(apart.ok()) << apart.status();
+  EXPECT_EQ(apart->groups.size(), 2u);
+  EXPECT_THAT(apart->warnings, Contains(HasSubstr("each camera was solved by itself")));
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    const SolvedCamera& camera = apart->cameras[i];
+    EXPECT_NEAR(camera.rms, 0.1, 0.01);
+    EXPECT_NEAR(camera.intrinsics[0] / cameras_[i].intrinsics().fx, 1,
+                4 * camera.focal_length_sigma);
+  }
+}
+
+TEST_F(WeakData, TheFramesThatWereNotTakenAtOneInstantAreNamed) {
+  ExpectRefused(HeldByHand(40, 0.003, 38), kWeak, "2 of 40 frames of 'cam0', 'cam1'");
+  // Too little to spoil the lenses.
+  const auto solution = Solve(HeldByHand(40, 0.0005, 38));
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_THAT(solution->warnings, Contains(AllOf(HasSubstr("do not show the boards at one place: "
+                                                           "'frame03"),
+                                                 HasSubstr("leave these frames out"))));
 }
 
 TEST_F(WeakData, AnImageOfAnotherSizeIsLeftOutAndManyAreRefused) {

@@ -86,6 +86,33 @@ TEST_F(IntrinsicsCommand, RefusesWeakDataWithOneAndMistakesWithTwo) {
   EXPECT_THAT(Run("--image-size 1280x960 --board door").out, HasSubstr("no board 'door'"));
 }
 
+TEST_F(IntrinsicsCommand, ImagesOfABoardHeldByHandGiveLensesOnRequestOnly) {
+  // The second camera's images are of another moment.
+  std::mt19937 random(42);
+  std::normal_distribution<double> shake(0, 0.001);
+  const auto cameras = CamerasOnAnArc(2);
+  std::vector<TagSighting> sightings;
+  for (int frame = 0; frame < 30; ++frame) {
+    Eigen::Isometry3d pose = RandomBoardPose(random, LatticeBoard("wall"), {});
+    for (const char* view : {"cam0", "cam1"}) {
+      std::vector<TagSighting> seen;
+      AddSightings(cameras, LatticeBoard("wall"), pose, FrameName(frame), 0.1, random, seen);
+      std::erase_if(seen, [&](const TagSighting& sighting) { return sighting.view != view; });
+      sightings.insert(sightings.end(), seen.begin(), seen.end());
+      pose.pretranslate(Eigen::Vector3d(shake(random), shake(random), shake(random)));
+    }
+  }
+  Session({.frames = 1});
+  WriteFile(folder_ / "corners.csv", SightingFileText(sightings));
+  const Ended together = Run("--image-size 1280x960");
+  EXPECT_EQ(together.exit_code, 1);
+  EXPECT_THAT(together.out, HasSubstr("--not-simultaneous"));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  const Ended apart = Run("--image-size 1280x960 --not-simultaneous");
+  EXPECT_EQ(apart.exit_code, 0) << apart.out;
+  EXPECT_THAT(apart.out, HasSubstr("how the cameras stand to each other is not known"));
+}
+
 TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   WriteFile(folder_ / "info.yaml",
             "image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\n"
