@@ -134,8 +134,8 @@ std::string OrWiderBands(double margin, double most_margin, PixelSize mask_a, Pi
   const double wider = std::ceil(20 * margin) / 20;
   std::string text = absl::StrFormat(
       ". Or accept wider bands, which block more: set margin: %g under calibration in cell.yaml, "
-      "and --max-margin %g",
-      wider, wider);
+      "and --max-margin %g here, --margin %g of silhouette-db calibration import",
+      wider, wider, wider);
   const auto coarser = [&](PixelSize size) {
     const double scale = most_margin / margin;
     return PixelSize{static_cast<int>(scale * size.width), static_cast<int>(scale * size.height)};

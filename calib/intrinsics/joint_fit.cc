@@ -71,7 +71,8 @@ absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensPro
   for (size_t camera = 0; camera < start.intrinsics.size(); ++camera) {
     Alone alone = AloneOf(start, camera);
     const std::vector<Eigen::Vector3d> weights = alone.problem.corners;
-    RETURN_IF_ERROR(SolveExactly(alone.problem, fixed_lenses, warp, sigma, rule));
+    // What cannot be solved by itself cannot be compared.
+    if (!SolveExactly(alone.problem, fixed_lenses, warp, sigma, rule).ok()) return JointFit{};
     const std::vector<Eigen::Vector2d> single = Residuals(alone.problem);
     for (size_t i = 0; i < single.size(); ++i) {
       const size_t o = alone.observations[i / corners];
@@ -104,17 +105,21 @@ absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensPro
   fit.together = std::sqrt(sum.together / freedom_together);
   fit.placings = count;
   const double noise = std::pow(std::max(fit.apart, kNegligible), 2);
-  fit.disagrees = std::pow(fit.together, 2) > std::pow(kMostDisagreement, 2) * noise;
+  fit.disagrees = !(std::pow(fit.together, 2) <= std::pow(kMostDisagreement, 2) * noise);
   // Single ones that disagree must do so by more than the noise.
   const double least = fit.disagrees ? std::pow(kMostDisagreement, 2) - 1 : 1;
+  JointFit::Disagreeing worst;
   for (size_t i = 0; i < placings.size(); ++i) {
     const Squares& placing = placings[i];
     if (!shared(placing)) continue;
     const double more = (placing.together - placing.apart) / noise;
+    const JointFit::Disagreeing here{.placing = i, .pixels = placing.Disagreement()};
+    if (here.pixels >= worst.pixels) worst = here;
     if (more < kNoChance * 6 * (placing.views - 1)) continue;
     if (more < least * placing.values) continue;
-    fit.disagreeing.push_back({.placing = i, .pixels = placing.Disagreement()});
+    fit.disagreeing.push_back(here);
   }
+  if (fit.disagrees && fit.disagreeing.empty()) fit.disagreeing.push_back(worst);
   std::ranges::sort(fit.disagreeing, std::greater<>(), &JointFit::Disagreeing::pixels);
   return fit;
 }

@@ -31,9 +31,9 @@ struct OutlierRule {
   bool by_part = false;
 };
 // For the result. At rims lens models fit worse, and few corners say what the lens is there.
-inline constexpr OutlierRule kUsed{.sigmas = 6, .by_part = true};
+inline constexpr OutlierRule kResultRule{.sigmas = 6, .by_part = true};
 // For the judgement: what is left out speaks against the lens.
-inline constexpr OutlierRule kJudged{.sigmas = 4.5, .by_part = false};
+inline constexpr OutlierRule kJudgementRule{.sigmas = 4.5, .by_part = false};
 
 // From good seeds to the optimum. Weights of outliers become kOutlier. `sigma`: the standard
 // deviation of a corner of weight 1. Internal if mrcal fails.

@@ -149,22 +149,23 @@ absl::Status JudgeJointFit(const GroupProblem& group, const JointFit& fit,
   if (!fit.disagrees && fit.disagreeing.empty()) return absl::OkStatus();
   constexpr size_t kNamed = 5;
   std::vector<std::string> frames;
+  std::set<std::string> known;
   for (const JointFit::Disagreeing& each : fit.disagreeing) {
-    if (frames.size() == kNamed) break;
     const auto& observations = group.problem.observations;
     const auto first = std::ranges::find(observations, static_cast<int>(each.placing),
                                          &LensProblem::Observation::board);
     const auto place = static_cast<size_t>(first - observations.begin());
+    if (!known.insert(group.views[place]->frame).second || known.size() > kNamed) continue;
     frames.push_back(absl::StrFormat("'%s' (%.2g px)", group.views[place]->frame, each.pixels));
   }
   const std::string names = absl::StrJoin(members, ", ", [&](std::string* out, size_t camera) {
     absl::StrAppend(out, "'", cameras[camera].name, "'");
   });
   const std::string what = absl::StrFormat(
-      "%d of %d frames of %s do not show the boards at one place: %s%s; were they taken at once, "
-      "with the board at rest?",
+      "%d of %d boards that several of %s saw in one frame were not at one place: %s%s; were the "
+      "images taken at once, with the boards at rest?",
       fit.disagreeing.size(), fit.placings, names, absl::StrJoin(frames, ", "),
-      fit.disagreeing.size() > kNamed ? " and others" : "");
+      known.size() > kNamed ? " and others" : "");
   if (!fit.disagrees || cameras[0].fixed) {
     warnings.push_back(absl::StrCat(
         what, " If not, leave these frames out; else the lens model or the board does not fit"));
@@ -173,7 +174,7 @@ absl::Status JudgeJointFit(const GroupProblem& group, const JointFit& fit,
   return FailedPrecondition(absl::StrFormat(
       "%s Solved together, the cameras' corners are off by %.3f px, apart by %.3f. Leave these "
       "frames out, or run `intrinsics --not-simultaneous`: each lens is then found by itself, and "
-      "`poses` finds the cameras' poses",
+      "`poses` needs other images, with everything at rest",
       what, fit.together, fit.apart));
 }
 
@@ -228,9 +229,10 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
   RETURN_IF_ERROR(CheckCameras(cameras));
   RETURN_IF_ERROR(LensParameters(settings.lens_model).status());
   ASSIGN_OR_RETURN(BoardViews gathered, GatherBoardViews(cameras, boards, sightings));
-  if (!settings.simultaneous) {
-    for (BoardView& view : gathered.views)
+  if (!settings.simultaneous) {  // then no two cameras see a board where it stood
+    for (BoardView& view : gathered.views) {
       absl::StrAppend(&view.stand, " of ", cameras[view.camera].name);
+    }
   }
 
   LensSolution solution;
@@ -263,8 +265,8 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
     RETURN_IF_ERROR(JudgeLenses(cameras, settings, result));
     return result;
   };
-  RETURN_IF_ERROR(solve(kJudged).status());
-  return solve(kUsed);
+  RETURN_IF_ERROR(solve(kJudgementRule).status());
+  return solve(kResultRule);
 }
 
 std::optional<Eigen::Matrix2d> ProjectionCovariance(const LensSolution& solution, size_t camera,

@@ -183,11 +183,11 @@ RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
   const auto wholly_below = [&](int x, int y, int z, double at_centre, double limit) {
     if (at_centre + half_diagonal < limit) return true;
     const double most = limit - half_diagonal / 2;
-    if (at_centre >= most) return false;
+    if (!(at_centre < most)) return false;
     const Eigen::Vector3d centre = grid.Box(x, y, z).center();
     for (int corner = 0; corner < 8; ++corner) {
       const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
-      if (signed_distance(centre + grid.edge() / 2 * to) >= most) return false;
+      if (!(signed_distance(centre + grid.edge() / 2 * to) < most)) return false;
     }
     return true;
   };

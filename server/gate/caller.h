@@ -31,7 +31,7 @@ std::optional<uid_t> UserAt(int connection);
 // The first of NamesOf, in quotes; empty: there is none. Printable and bounded.
 std::string QuotedNameOf(grpc::CallbackServerContext& context);
 
-// A caller for people: QuotedNameOf and its address without the port, or the address alone.
+// What a log calls a caller: QuotedNameOf and its address without the port, or the address alone.
 // Printable and bounded.
 std::string CallerOf(grpc::CallbackServerContext& context);
 

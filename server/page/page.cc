@@ -43,6 +43,7 @@ constexpr milliseconds kLeastInterval{100};
 constexpr milliseconds kLongestInterval{500};
 // After a change, the map is left to those who work it out anyway for as long as map_time and this.
 constexpr milliseconds kAfterMapTime{5};
+constexpr milliseconds kSilence{500};
 constexpr int kNice = 10;
 constexpr size_t kMostStops = 100;
 constexpr std::chrono::seconds kLongestStart{10};
@@ -235,9 +236,11 @@ struct CellPage::Http {
     server.set_tcp_nodelay(true);
     server.set_payload_max_length(kMostBody);
     server.set_keep_alive_max_count(1);
-    // A connection that is silent, or falls silent, holds up the end of the program for so long.
+    // A connection that falls silent, or reads no more, holds up the end of the program for so
+    // long.
     server.set_keep_alive_timeout(1);
-    server.set_read_timeout(1);
+    server.set_read_timeout(kSilence);
+    server.set_write_timeout(kSilence);
     server.set_default_headers(SecurityHeaders());
     server.set_pre_routing_handler(
         [](const httplib::Request& request, httplib::Response& response) {

@@ -31,7 +31,7 @@ struct SceneDefect {
   std::string message;  // one sentence that names the thing and the mend
 };
 
-// Things of a kind that fail, by why they do: what fails for one reason is named together.
+// Groups what fails by the reason.
 class Failing {
  public:
   void Add(const std::string& name, const std::string& why);

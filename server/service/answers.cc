@@ -29,8 +29,8 @@ namespace silhouette {
 
 namespace {
 
-// Up to this many configurations are checked in gRPC's own threads, which scenes come through, too:
-// about 0.1 ms of look-ups, or 0.5 ms of robot images that are drawn or searched along lines.
+// Up to this many configurations are checked in gRPC's own threads, which scenes come through, too.
+// Slow: robot images are drawn, or searched along lines.
 constexpr int kFewChecks = 64;
 constexpr int kFewSlowChecks = 4;
 

@@ -33,12 +33,15 @@ const char* NameOf(Limit limit) {
 
 std::string ClientAt(const std::string& host) {
   in6_addr address{};
+  std::array<char, INET6_ADDRSTRLEN> text{};
   if (inet_pton(AF_INET6, host.c_str(), &address) != 1 || IN6_IS_ADDR_LOOPBACK(&address) ||
       IN6_IS_ADDR_LINKLOCAL(&address)) {
     return host;
   }
+  if (IN6_IS_ADDR_V4MAPPED(&address)) {
+    return inet_ntop(AF_INET, address.s6_addr + 12, text.data(), text.size());
+  }
   std::fill(address.s6_addr + 8, address.s6_addr + 16, 0);
-  std::array<char, INET6_ADDRSTRLEN> text{};
   inet_ntop(AF_INET6, &address, text.data(), text.size());
   return absl::StrCat(text.data(), "/64");
 }

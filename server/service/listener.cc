@@ -142,12 +142,8 @@ std::string PeerOf(const sockaddr_storage& peer) {
     inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in&>(peer).sin_addr, text.data(),
               text.size());
   } else if (peer.ss_family == AF_INET6) {
-    const in6_addr& address = reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr;
-    if (IN6_IS_ADDR_V4MAPPED(&address)) {
-      inet_ntop(AF_INET, address.s6_addr + 12, text.data(), text.size());
-      return text.data();
-    }
-    inet_ntop(AF_INET6, &address, text.data(), text.size());
+    inet_ntop(AF_INET6, &reinterpret_cast<const sockaddr_in6&>(peer).sin6_addr, text.data(),
+              text.size());
   } else {
     return "unix";
   }

@@ -297,8 +297,8 @@ Json LensJson(const LensSolution& solution, const std::vector<std::string>& file
     if (group.warp) warp = {group.warp->x(), group.warp->y()};
     groups.push_back({{"views", names},
                       {"noise_per_sigma", number(group.noise)},
-                      {"together_px", group.together},
-                      {"apart_px", group.apart},
+                      {"together_px", number(group.together)},
+                      {"apart_px", number(group.apart)},
                       {"warp", warp}});
   }
   return {

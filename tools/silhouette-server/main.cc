@@ -51,7 +51,7 @@ namespace {
 
 constexpr char kName[] = "silhouette-server";
 // How long calls in flight may take when the server is stopped, and the whole program.
-constexpr absl::Duration kGrace = absl::Seconds(1);
+constexpr absl::Duration kGrace = absl::Milliseconds(700);
 constexpr std::chrono::milliseconds kLongestEnd{1900};
 
 struct Options {
@@ -72,8 +72,8 @@ struct Options {
 };
 
 // The program's signals, taken by a thread of its own: none waits until other work is done. After
-// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it, whatever
-// hangs: a device, a disk, the log. A second signal ends it at once. Thread-safe.
+// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it with exit code
+// 3, whatever hangs: a device, a disk, the log. A second signal ends it at once. Thread-safe.
 class Signals {
  public:
   // Before any thread is started, so that all leave the signals to this. To be kept until the
@@ -104,7 +104,7 @@ class Signals {
     sigdelset(&awaited_, SIGHUP);
     pthread_sigmask(SIG_UNBLOCK, &awaited_, nullptr);
     std::this_thread::sleep_for(kLongestEnd);
-    std::_Exit(kDone);
+    std::_Exit(kWorldFailed);
   }
 
   sigset_t awaited_;

@@ -197,7 +197,8 @@ TEST(WeakCalibration, ARefusedMarginSaysWhatWouldDo) {
   std::smatch said;
   const std::regex words(
       "Show boards in (about \\d+|many more) places instead of \\d+, .*set margin: (\\S+) under "
-      "calibration in cell.yaml, and --max-margin \\2. .*mask_size at most (\\d+)x\\3 instead of "
+      "calibration in cell.yaml, and --max-margin \\2 here, --margin \\2 of "
+      "silhouette-db calibration import. .*mask_size at most (\\d+)x\\3 instead of "
       "64x64");
   ASSERT_TRUE(std::regex_search(*found.refusal, said, words)) << *found.refusal;
   EXPECT_FALSE(calibrate(64, std::stod(said[2])).refusal);

@@ -195,7 +195,7 @@ TEST_F(WeakData, ImagesThatWereNotTakenAtOneInstantAreRefused) {
   const auto together = Solve(sightings);
   EXPECT_EQ(together.status().code(), kWeak) << together.status();
   EXPECT_THAT(std::string(together.status().message()),
-              AllOf(HasSubstr("'cam0', 'cam1' do not show the boards at one place"),
+              AllOf(HasSubstr("'cam0', 'cam1' saw in one frame were not at one place"),
                     HasSubstr("intrinsics --not-simultaneous")));
   const auto apart =
       SolveLenses(LensCamerasOf(cameras_), {board_}, sightings, {.simultaneous = false});
@@ -211,12 +211,12 @@ TEST_F(WeakData, ImagesThatWereNotTakenAtOneInstantAreRefused) {
 }
 
 TEST_F(WeakData, TheFramesThatWereNotTakenAtOneInstantAreNamed) {
-  ExpectRefused(HeldByHand(40, 0.003, 38), kWeak, "2 of 40 frames of 'cam0', 'cam1'");
+  ExpectRefused(HeldByHand(40, 0.003, 38), kWeak,
+                "2 of 40 boards that several of 'cam0', 'cam1' saw");
   // Too little to spoil the lenses.
   const auto solution = Solve(HeldByHand(40, 0.0005, 38));
   ASSERT_TRUE(solution.ok()) << solution.status();
-  EXPECT_THAT(solution->warnings, Contains(AllOf(HasSubstr("do not show the boards at one place: "
-                                                           "'frame03"),
+  EXPECT_THAT(solution->warnings, Contains(AllOf(HasSubstr("were not at one place: 'frame03"),
                                                  HasSubstr("leave these frames out"))));
 }
 

@@ -167,6 +167,13 @@ TEST(RobotVoxels, AreThoseWhoseCentreOrAllEighthsAreDeepEnoughAndNothingElse) {
   EXPECT_GT(inside, 0);
 }
 
+TEST(RobotVoxels, AreNoneWhereTheDistanceIsNotKnown) {
+  const RobotVoxels robot =
+      VoxelsOfRobot(SomeSpace(), [](const Vector3d&) { return std::nan(""); });
+  EXPECT_EQ(robot.inside.Count(), 0);
+  EXPECT_EQ(robot.no_centre.Count(), 0);
+}
+
 TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
   Random random;
   const VoxelSpace space = SomeSpace();

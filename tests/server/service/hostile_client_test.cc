@@ -40,7 +40,7 @@ class ClockThatHolds {
   Clock Around(Clock inner) {
     return [this, inner] {
       if (IsOfPool(pool_)) {
-        held_.count_down();
+        if (!release_.try_wait()) held_.count_down();
         release_.wait();
       }
       return inner();
@@ -344,6 +344,8 @@ TEST(Clients, HostWithManyAddressesIsOne) {
   EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2::1%5D:4711"), "2001:db8:1:2::/64");
   EXPECT_EQ(ClientOf("ipv6:%5B2001:db8:1:2:3:4:5:6%5D:4711"), "2001:db8:1:2::/64");
   EXPECT_EQ(ClientAt("2001:db8:1:3::1"), "2001:db8:1:3::/64");
+  EXPECT_EQ(ClientAt("::ffff:192.0.2.1"), "192.0.2.1");
+  EXPECT_EQ(ClientAt("fe80::1"), "fe80::1");
 }
 
 TEST(Clients, AreBoundedInNumber) {
