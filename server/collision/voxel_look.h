@@ -4,12 +4,13 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <unordered_map>
 #include <vector>
 
-#include "absl/container/flat_hash_map.h"
 #include "db/mask/mask.h"
 #include "server/collision/obstacle_image.h"
 #include "server/collision/voxel_space.h"
@@ -34,6 +35,13 @@ class VoxelLooker {
 
  private:
   static constexpr int kCorners = VoxelGrid::kBlockEdge + 1;
+  struct Hash {
+    size_t operator()(const std::array<int, 6>& key) const {
+      uint64_t hash = 0;
+      for (int value : key) hash = (hash ^ static_cast<uint32_t>(value)) * 0x9e3779b97f4a7c15;
+      return hash ^ hash >> 32;
+    }
+  };
 
   void ProjectCorners(const VoxelSpace::Block& block);
   const std::optional<Eigen::Vector2d>& Corner(int x, int y, int z) const {
@@ -56,7 +64,7 @@ class VoxelLooker {
   std::vector<std::optional<Eigen::Vector2d>> corners_;
   double bulge_ = 0;  // pixels by which a voxel's image may exceed its corners'
   std::map<VoxelSpace::RectangleKind, uint32_t> kinds_;
-  absl::flat_hash_map<std::array<int, 6>, uint32_t> quantised_;
+  std::unordered_map<std::array<int, 6>, uint32_t, Hash> quantised_;
   std::map<PixelShape, uint32_t> shapes_;
 };
 
