@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-server: serves a cell's database and its scenes to planners.
+#include <poll.h>
 #include <pthread.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <systemd/sd-daemon.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -19,6 +21,7 @@
 #include <stdexcept>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -104,6 +107,12 @@ class Signals {
     sigdelset(&awaited_, SIGHUP);
     pthread_sigmask(SIG_UNBLOCK, &awaited_, nullptr);
     std::this_thread::sleep_for(kLongestEnd);
+    // Not through the log, which may be what hangs.
+    constexpr std::string_view kSaid = "silhouette-server: ended while something hangs\n";
+    pollfd errors{.fd = STDERR_FILENO, .events = POLLOUT, .revents = 0};
+    if (poll(&errors, 1, /*timeout=*/0) == 1) {
+      [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kSaid.data(), kSaid.size());
+    }
     std::_Exit(kWorldFailed);
   }
 

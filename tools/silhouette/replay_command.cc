@@ -283,13 +283,13 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
   ASSIGN_OR_RETURN(const absl::Time time, TimeIn(arguments, recording->summary()));
   ASSIGN_OR_RETURN(const RecordedMoment moment, recording->At(time, kLongest));
   ASSIGN_OR_RETURN(const std::vector<Question> questions, QuestionsAt(session, arguments, moment));
-  Json json = {{"time", Spoken(time)}, {"answers", Json::array()}};
-  std::string text = absl::StrCat(Spoken(time), "\n");
+  Json json = {{"time", Exact(time)}, {"answers", Json::array()}};
+  std::string text = absl::StrCat(Exact(time), "\n");
   if (moment.scene) {
     const absl::Duration age = time - client::FromMessage(moment.scene->time());
     json["scene_id"] = moment.scene->id();
     json["scene_age_s"] = absl::ToDoubleSeconds(age);
-    text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Spoken(time), moment.scene->id(),
+    text = absl::StrFormat("%s: scene %d, %.0f ms old\n", Exact(time), moment.scene->id(),
                            absl::ToDoubleMilliseconds(age));
   }
   const std::string unknown = UnknownThen(moment);
@@ -310,23 +310,23 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
   const RecordingSummary& summary = recording->summary();
   const bool empty = summary.empty();
   Json json = {{"cell", summary.cell},
-               {"start", empty ? Json() : Json(Spoken(summary.start))},
-               {"end", empty ? Json() : Json(Spoken(summary.end))},
+               {"start", empty ? Json() : Json(Exact(summary.start))},
+               {"end", empty ? Json() : Json(Exact(summary.end))},
                {"scenes", summary.scenes.size()},
                {"cut", summary.cut},
                {"stops", Json::array()}};
   std::string text =
       empty ? "empty\n"
-            : absl::StrCat("cell '", summary.cell, "', ", Spoken(summary.start), " to ",
-                           Spoken(summary.end), ": ", summary.scenes.size(), " scenes, ",
+            : absl::StrCat("cell '", summary.cell, "', ", Exact(summary.start), " to ",
+                           Exact(summary.end), ": ", summary.scenes.size(), " scenes, ",
                            summary.stops.size(), summary.stops.size() == 1 ? " stop" : " stops",
                            summary.cut ? "; cut at its end" : "", "\n");
   for (const RecordedStop& stop : summary.stops) {
-    json["stops"].push_back({{"time", Spoken(stop.time)},
+    json["stops"].push_back({{"time", Exact(stop.time)},
                              {"client", stop.path.client()},
                              {"path", stop.path.id()},
                              {"verdict", SaidThen(stop.path)}});
-    absl::StrAppend(&text, Spoken(stop.time), ": path of ", stop.path.client(), " ",
+    absl::StrAppend(&text, Exact(stop.time), ": path of ", stop.path.client(), " ",
                     SaidThen(stop.path), "\n");
   }
   PrintResult(session.format, json, text);

@@ -196,6 +196,7 @@ TEST_F(ServerProgramTest, EndsThoughAThreadOfItsOwnHangs) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));  // until it is read
   }
   EXPECT_EQ(program.End(SIGTERM), 3);
+  EXPECT_THAT(program.Errors(), HasSubstr("ended while something hangs"));
   close(writer);
 }
 

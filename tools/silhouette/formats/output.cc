@@ -41,6 +41,10 @@ std::string Spoken(const google::protobuf::Timestamp& time) {
   return silhouette::Spoken(client::FromMessage(time));
 }
 
+std::string Exact(const google::protobuf::Timestamp& time) {
+  return silhouette::Exact(client::FromMessage(time));
+}
+
 // null if empty
 Json JsonOrNull(const std::string& text) { return text.empty() ? Json(nullptr) : Json(text); }
 
@@ -73,7 +77,7 @@ Json JsonOf(const Message& message, const char* good) {
           {"fault", JsonOrNull(message.fault())},
           {"last_error", JsonOrNull(message.last_error())},
           {"last_error_time",
-           message.last_error().empty() ? Json() : Json(Spoken(message.last_error_time()))}};
+           message.last_error().empty() ? Json() : Json(Exact(message.last_error_time()))}};
 }
 
 Json JsonOf(const v1::RobotVariant& variant) {
@@ -307,7 +311,7 @@ Json JsonOf(const client::Basis& basis) {
     defects.push_back({{"reason", NameOf(defect.reason)}, {"message", defect.message}});
   }
   return {{"scene_id", scene ? Json(basis.scene_id) : Json()},
-          {"scene_time", scene ? Json(Spoken(basis.scene_time)) : Json()},
+          {"scene_time", scene ? Json(Exact(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
           {"database_generation", basis.database_generation},
           {"variant", basis.variant},
@@ -338,6 +342,10 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
 }
 
 std::string Spoken(absl::Time time) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
+}
+
+std::string Exact(absl::Time time) {
   return absl::FormatTime(absl::RFC3339_full, time, absl::UTCTimeZone());
 }
 
@@ -355,16 +363,16 @@ std::string TextOf(const v1::ChangeVariantResponse& change) {
 }
 
 Json JsonOf(const v1::Scene& scene) {
-  Json json{{"scene_id", scene.id()},       {"database_generation", scene.database_generation()},
-            {"time", Spoken(scene.time())}, {"skew_ms", Milliseconds(scene.skew())},
-            {"variant", scene.variant()},   {"joints", Json::object()},
-            {"views", Json::array()},       {"defects", Json::array()}};
+  Json json{{"scene_id", scene.id()},      {"database_generation", scene.database_generation()},
+            {"time", Exact(scene.time())}, {"skew_ms", Milliseconds(scene.skew())},
+            {"variant", scene.variant()},  {"joints", Json::object()},
+            {"views", Json::array()},      {"defects", Json::array()}};
   for (const v1::JointPosition& joint : scene.joints()) {
     json["joints"][joint.name()] = joint.position();
   }
   for (const v1::SceneView& view : scene.views()) {
     json["views"].push_back({{"view", view.view()},
-                             {"capture_time", Spoken(view.capture_time())},
+                             {"capture_time", Exact(view.capture_time())},
                              {"foreground_pixels", view.foreground_pixels()},
                              {"obstacle_pixels", view.obstacle_pixels()},
                              {"unknown_pixels", view.unknown_pixels()},
@@ -408,7 +416,7 @@ std::string TextOf(const v1::Scene& scene) {
 
 Json JsonOf(const v1::Acquisition& acquisition) {
   Json json{
-      {"serving", acquisition.serving()},         {"started", Spoken(acquisition.start_time())},
+      {"serving", acquisition.serving()},         {"started", Exact(acquisition.start_time())},
       {"scenes", acquisition.scenes()},           {"lost_sets", acquisition.lost_sets()},
       {"fault", JsonOrNull(acquisition.fault())}, {"cameras", Json::array()}};
   for (const v1::AcquiredCamera& camera : acquisition.cameras()) {
@@ -459,7 +467,7 @@ std::string TextOf(const v1::Acquisition& acquisition) {
 Json JsonOf(const v1::AllowedRegion& region) {
   Json json{{"name", region.name()},
             {"remaining_s", absl::ToDoubleSeconds(client::FromMessage(region.remaining()))},
-            {"end_time", Spoken(region.end_time())},
+            {"end_time", Exact(region.end_time())},
             {"views", Json::array()}};
   for (const v1::RegionPixels& view : region.views()) {
     json["views"].push_back(

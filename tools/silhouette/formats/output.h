@@ -69,7 +69,8 @@ absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::stri
 // "0.5,-0.52": radians, with as many digits as people read.
 std::string Spoken(const Configuration& configuration);
 
-// RFC 3339 in UTC.
+// RFC 3339 in UTC: to the millisecond for people, and as it is for scripts and `replay --at`.
 std::string Spoken(absl::Time time);
+std::string Exact(absl::Time time);
 
 }  // namespace silhouette
