@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "clients/cpp/connection.h"
 
+#include <grpc/grpc.h>
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
@@ -17,6 +18,9 @@ namespace {
 
 std::shared_ptr<grpc::Channel> ChannelTo(
     const std::string& address, const std::shared_ptr<grpc::ChannelCredentials>& credentials) {
+  // Once more than it is shut down: shutting down gRPC itself may wait ten seconds for a thread
+  // that wrote much to a connection. The end of the process ends that.
+  grpc_init();
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);
   // gRPC's least backoff is also the time for one attempt to connect, handshake included: a busy

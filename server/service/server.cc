@@ -2,6 +2,7 @@
 #include "server/service/server.h"
 
 #include <google/protobuf/stubs/logging.h>
+#include <grpc/grpc.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
@@ -150,6 +151,9 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
   RETURN_IF_ERROR(CheckGate(address, settings.gate));
+  // Once more than it is shut down: shutting down gRPC itself may wait ten seconds for a thread
+  // that wrote much to a connection. The end of the process ends that.
+  grpc_init();
   // What it says of requests that cannot be parsed goes to their callers.
   google::protobuf::SetLogHandler(nullptr);
   grpc::EnableDefaultHealthCheckService(true);

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "absl/time/clock.h"
-#include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette::benchmarks {
 
@@ -23,10 +22,11 @@ RunningServer::RunningServer(const std::string& address, const SyntheticCell& ce
   Require(started.ok(), std::string(started.status().message()));
   server_ = *std::move(started);
   channel_ = grpc::CreateChannel(server_->address(), grpc::InsecureChannelCredentials());
-  Publish(cell, MakeScene(cell, SceneKind::kPerson, 1));
+  Publish(RequestOf(cell, MakeScene(cell, SceneKind::kPerson, 1)));
 }
 
-void RunningServer::Publish(const SyntheticCell& cell, const BenchmarkScene& scene) {
+v1::PublishSceneRequest RunningServer::RequestOf(const SyntheticCell& cell,
+                                                 const BenchmarkScene& scene) {
   v1::PublishSceneRequest request;
   for (size_t joint = 0; joint < scene.robot.size(); ++joint) {
     v1::JointPosition& added = *request.add_joints();
@@ -36,13 +36,19 @@ void RunningServer::Publish(const SyntheticCell& cell, const BenchmarkScene& sce
   for (int view = 0; view < kViews; ++view) {
     v1::ViewImage& added = *request.add_views();
     added.set_view("view_" + std::to_string(view + 1));
-    added.mutable_capture_time()->set_seconds(absl::ToUnixSeconds(absl::Now()));
+    const timespec now = absl::ToTimespec(absl::Now());
+    added.mutable_capture_time()->set_seconds(now.tv_sec);
+    added.mutable_capture_time()->set_nanos(static_cast<int32_t>(now.tv_nsec));
     const ObstacleImage& image = *scene.images[static_cast<size_t>(view)];
     const Mask foreground = image.obstacle() | image.unknown();
     added.mutable_scene_mask()->set_width(foreground.width());
     added.mutable_scene_mask()->set_height(foreground.height());
     added.mutable_scene_mask()->set_bits(foreground.ToBytes());
   }
+  return request;
+}
+
+void RunningServer::Publish(const v1::PublishSceneRequest& request) {
   grpc::ClientContext context;
   v1::PublishSceneResponse response;
   const grpc::Status status =

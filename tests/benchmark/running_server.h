@@ -8,6 +8,7 @@
 #include <string>
 
 #include "server/service/server.h"
+#include "silhouette/v1/scene_service.grpc.pb.h"
 #include "tests/benchmark/scenes.h"
 #include "tests/benchmark/synthetic_cell.h"
 
@@ -26,9 +27,12 @@ class RunningServer {
   const std::string& address() const { return server_->address(); }
   const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
 
- private:
-  void Publish(const SyntheticCell& cell, const BenchmarkScene& scene);
+  // A scene of `cell`, taken now.
+  static v1::PublishSceneRequest RequestOf(const SyntheticCell& cell, const BenchmarkScene& scene);
+  // Throws std::runtime_error if it is refused.
+  void Publish(const v1::PublishSceneRequest& request);
 
+ private:
   std::unique_ptr<Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
 };

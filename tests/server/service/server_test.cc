@@ -3,6 +3,7 @@
 #include "server/service/server.h"
 
 #include <gmock/gmock.h>
+#include <grpc/grpc.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -198,6 +199,12 @@ TEST(Server, ListensOnAFreePortAndTellsWhich) {
   grpc::ClientContext context;
   v1::GetDatabaseResponse response;
   EXPECT_TRUE(stub->GetDatabase(&context, {}, &response).ok());
+}
+
+// Else its end may take ten seconds, which is longer than a program has.
+TEST(Server, EndOfTheLastDoesNotShutDownGrpc) {
+  { const TestServer server(NewDatabase()); }
+  EXPECT_TRUE(grpc_is_initialized());
 }
 
 TEST(Server, AddressInUseIsRefused) {
