@@ -134,7 +134,8 @@ class UrdfReader {
         break;
       default:
         Fail("joint '" + urdf.name +
-             "' is of a type that is not supported; revolute, continuous, prismatic and fixed are");
+             "' is of a type that is not supported; make it fixed, or revolute, continuous or "
+             "prismatic");
     }
     const Eigen::Vector3d axis = VectorOf(urdf.axis);
     if (!(axis.norm() > 1e-9)) Fail("the axis of joint '" + urdf.name + "' has no direction");
