@@ -241,6 +241,9 @@ class UrdfReader {
     if (!std::isfinite(joint.lower) || !std::isfinite(joint.upper) || joint.lower > joint.upper) {
       Fail("the lower limit of joint '" + urdf.name + "' exceeds its upper limit");
     }
+    if (joint.type == JointType::kPrismatic) {
+      RequireLength("the range of joint '" + urdf.name + "'", joint.upper - joint.lower);
+    }
   }
 
   // `what`: in front of "is ... m".

@@ -447,6 +447,9 @@ TEST(RobotModel, LengthsThatNoRobotHasAreNamedWithTheUnit) {
                                "<child link='b'/><origin xyz='0 0 500'/>" +
                                limit + "</joint>")),
               HasSubstr("the origin of joint 'j' is 500 m"));
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='prismatic'><parent link='a'/>"
+                               "<child link='b'/><limit lower='-500' upper='500'/></joint>")),
+              HasSubstr("the range of joint 'j' is 1000 m"));
   const auto folder = FreshFolder();
   WriteFile(folder / "link.stl", TetrahedronStl());
   const auto robot = RobotModel::FromUrdf(
