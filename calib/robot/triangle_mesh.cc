@@ -116,8 +116,8 @@ bool IsLfsPointer(const std::string& path) {
   return std::getline(in, line) && line.starts_with("version https://git-lfs");
 }
 
-// Whether a file is text STL whose end is missing, which assimp reads as far as it goes. A binary
-// one has 50 bytes a triangle behind 84, the last four of which are their number.
+// Whether a file is text STL whose end is missing, which assimp reads as far as it goes. In a
+// binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
 bool IsCutOffText(const std::string& path) {
   std::string extension = std::filesystem::path(path).extension().string();
   std::ranges::transform(extension, extension.begin(),

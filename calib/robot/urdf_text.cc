@@ -85,8 +85,8 @@ std::string ExpandedName(const std::string& path) {
 
 // Names go into messages and databases, whose texts are UTF-8.
 bool IsUtf8(std::string text) {
-  const iconv_t converter = iconv_open("UTF-32LE", "UTF-8");
-  std::string wide(4 * text.size() + 4, 0);
+  const iconv_t converter = iconv_open("WCHAR_T", "UTF-8");  // needs no module of glibc
+  std::string wide(sizeof(wchar_t) * (text.size() + 1), 0);
   char* from = text.data();
   char* to = wide.data();
   size_t left = text.size();
@@ -106,8 +106,8 @@ void RemoveDynamics(TiXmlElement& robot) {
 }
 
 // Puts a sphere on either end of every capsule, and a cylinder between: urdfdom knows no capsules.
-// It complains about those whose numbers cannot be read.
-// A second shape of a geometry is refused: urdfdom leaves it out.
+// It complains about those whose numbers cannot be read. A second shape of a geometry is refused:
+// urdfdom leaves it out.
 absl::Status CompleteBodies(const std::string& path, TiXmlElement& link) {
   for (TiXmlElement* body = link.FirstChildElement(); body != nullptr;
        body = body->NextSiblingElement()) {
