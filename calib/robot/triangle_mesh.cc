@@ -8,8 +8,12 @@
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
+#include <cctype>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -105,6 +109,29 @@ void Append(const aiMesh& part, const Eigen::Vector3d& scale, TriangleMesh& mesh
   }
 }
 
+// What a Git clone without its large files has in place of them.
+bool IsLfsPointer(const std::string& path) {
+  std::string line;
+  std::ifstream in(path);
+  return std::getline(in, line) && line.starts_with("version https://git-lfs");
+}
+
+// Whether a file is text STL whose end is missing, which assimp reads as far as it goes. In a
+// binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
+bool IsCutOffText(const std::string& path) {
+  std::string extension = std::filesystem::path(path).extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return std::tolower(c); });
+  if (extension != ".stl") return false;
+  std::ifstream in(path, std::ios::binary);
+  const std::string bytes(std::istreambuf_iterator<char>(in), {});
+  uint32_t triangles = 0;
+  if (bytes.size() >= 84) std::memcpy(&triangles, &bytes[80], 4);
+  if (bytes.size() == 84 + 50 * uint64_t{triangles}) return false;
+  const size_t end = bytes.rfind("endfacet");
+  return end == std::string::npos || bytes.find("endsolid", end) == std::string::npos;
+}
+
 }  // namespace
 
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vector3d& scale) {
@@ -121,12 +148,19 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
       importer.ReadFile(path, aiProcess_RemoveComponent | aiProcess_Triangulate |
                                   aiProcess_JoinIdenticalVertices | aiProcess_PreTransformVertices);
   if (scene == nullptr) {
-    return InvalidArgument("the mesh '" + path + "' cannot be read: " + importer.GetErrorString());
+    return InvalidArgument("the mesh '" + path + "' cannot be read: " + importer.GetErrorString() +
+                           (IsLfsPointer(path) ? "; it is a pointer to the mesh: git lfs pull"
+                                               : "; export it again, as binary STL, say"));
+  }
+  if (IsCutOffText(path)) {
+    return InvalidArgument(
+        "the mesh '" + path +
+        "' is cut off: it does not end with 'endsolid'; copy or export it again");
   }
   TriangleMesh mesh;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) Append(*scene->mMeshes[i], scale, mesh);
   if (mesh.triangles.empty()) {
-    return InvalidArgument("the mesh '" + path + "' has no triangles");
+    return InvalidArgument("the mesh '" + path + "' has no triangles; export it with some");
   }
   for (const Eigen::Vector3d& vertex : mesh.vertices) {
     if (!vertex.allFinite()) {

@@ -134,7 +134,8 @@ class UrdfReader {
         break;
       default:
         Fail("joint '" + urdf.name +
-             "' is of a type that is not supported; revolute, continuous, prismatic and fixed are");
+             "' is of a type that is not supported; make it fixed, or revolute, continuous or "
+             "prismatic");
     }
     const Eigen::Vector3d axis = VectorOf(urdf.axis);
     if (!(axis.norm() > 1e-9)) Fail("the axis of joint '" + urdf.name + "' has no direction");
@@ -239,6 +240,9 @@ class UrdfReader {
     joint.upper = urdf.limits->upper;
     if (!std::isfinite(joint.lower) || !std::isfinite(joint.upper) || joint.lower > joint.upper) {
       Fail("the lower limit of joint '" + urdf.name + "' exceeds its upper limit");
+    }
+    if (joint.type == JointType::kPrismatic) {
+      RequireLength("the range of joint '" + urdf.name + "'", joint.upper - joint.lower);
     }
   }
 

@@ -2,9 +2,12 @@
 #include "calib/robot/urdf_text.h"
 
 #include <console_bridge/console.h>
+#include <iconv.h>
 #include <tinyxml.h>
+#include <urdf_model/pose.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -12,6 +15,7 @@
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -79,6 +83,68 @@ std::string ExpandedName(const std::string& path) {
   return name.stem().extension() == ".urdf" ? name.stem().string() : name.stem().string() + ".urdf";
 }
 
+// Names go into messages and databases, whose texts are UTF-8.
+bool IsUtf8(std::string text) {
+  const iconv_t converter = iconv_open("WCHAR_T", "UTF-8");  // needs no module of glibc
+  std::string wide(sizeof(wchar_t) * (text.size() + 1), 0);
+  char* from = text.data();
+  char* to = wide.data();
+  size_t left = text.size();
+  size_t room = wide.size();
+  const bool converted = iconv(converter, &from, &left, &to, &room) != static_cast<size_t>(-1);
+  iconv_close(converter);
+  return converted;
+}
+
+// Takes away what urdfdom refuses a robot for if it is not complete, and nothing here needs.
+void RemoveDynamics(TiXmlElement& robot) {
+  for (TiXmlElement* of = robot.FirstChildElement(); of != nullptr; of = of->NextSiblingElement()) {
+    for (const char* name : {"inertial", "dynamics", "safety_controller", "calibration"}) {
+      while (TiXmlElement* child = of->FirstChildElement(name)) of->RemoveChild(child);
+    }
+  }
+}
+
+// Puts a sphere on either end of every capsule, and a cylinder between: urdfdom knows no capsules.
+// It complains about those whose numbers cannot be read. A second shape of a geometry is refused:
+// urdfdom leaves it out.
+absl::Status CompleteBodies(const std::string& path, TiXmlElement& link) {
+  for (TiXmlElement* body = link.FirstChildElement(); body != nullptr;
+       body = body->NextSiblingElement()) {
+    TiXmlElement* const geometry = body->FirstChildElement("geometry");
+    TiXmlElement* const shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
+    if (shape == nullptr) continue;
+    if (shape->NextSiblingElement() != nullptr) {
+      const char* const name = link.Attribute("name");
+      return InvalidArgument(path, ":", geometry->Row(), ": link '", name == nullptr ? "" : name,
+                             "' has a geometry of more than one shape; give each a <visual> or "
+                             "<collision> of its own");
+    }
+    if (shape->ValueStr() != "capsule") continue;
+    shape->SetValue("cylinder");
+    if (body->FirstChildElement("origin") == nullptr) body->InsertEndChild(TiXmlElement("origin"));
+    const TiXmlElement& origin = *body->FirstChildElement("origin");
+    urdf::Pose pose;
+    double length = 0;
+    try {
+      if (const char* xyz = origin.Attribute("xyz")) pose.position.init(xyz);
+      if (const char* rpy = origin.Attribute("rpy")) pose.rotation.init(rpy);
+    } catch (const std::exception&) {
+      continue;
+    }
+    if (shape->QueryDoubleAttribute("length", &length) != TIXML_SUCCESS) continue;
+    TiXmlElement end = *body;
+    end.FirstChildElement("geometry")->FirstChildElement("cylinder")->SetValue("sphere");
+    for (const double z : {-length / 2, length / 2}) {
+      const urdf::Vector3 at = pose.position + pose.rotation * urdf::Vector3(0, 0, z);
+      end.FirstChildElement("origin")->SetAttribute(
+          "xyz", absl::StrFormat("%.17g %.17g %.17g", at.x, at.y, at.z));
+      body = link.InsertAfterChild(body, end)->ToElement();
+    }
+  }
+  return absl::OkStatus();
+}
+
 // Completes limits for urdfdom, which reads none without effort and velocity: nothing here needs
 // them. A joint that mimics another needs no range of its own; any other is refused without one.
 absl::Status CompleteLimits(const std::string& path, TiXmlElement& robot) {
@@ -113,6 +179,11 @@ absl::Status CompleteLimits(const std::string& path, TiXmlElement& robot) {
 
 absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(path));
+  if (!IsUtf8(text)) {
+    return InvalidArgument(path,
+                           ": its text is not UTF-8; convert it, as in: iconv -f ISO-8859-1 "
+                           "-t UTF-8 OLD > NEW");
+  }
   TiXmlDocument document;
   document.Parse(text.c_str());
   if (document.Error()) {
@@ -123,6 +194,11 @@ absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path)
     if (IsXacro(*robot)) {
       return InvalidArgument(path, ": this is xacro; expand it first: xacro ", path, " > ",
                              ExpandedName(path));
+    }
+    RemoveDynamics(*robot);
+    for (TiXmlElement* link = robot->FirstChildElement("link"); link != nullptr;
+         link = link->NextSiblingElement("link")) {
+      RETURN_IF_ERROR(CompleteBodies(path, *link));
     }
     RETURN_IF_ERROR(CompleteLimits(path, *robot));
   }
@@ -135,7 +211,9 @@ absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path)
   if (model == nullptr || model->getRoot() == nullptr || !complaints.first().empty()) {
     return InvalidArgument(
         path, ": not a valid URDF: ",
-        complaints.first().empty() ? "there is no robot in it" : complaints.first());
+        complaints.first().empty()
+            ? "there is no robot in it"
+            : absl::StrCat(complaints.first(), "; correct the element, or leave it out"));
   }
   return model;
 }

@@ -111,6 +111,10 @@ void ModelSampler::AddGapToFace(size_t link, int face) {
   if (!gap.parts.empty()) gaps_.push_back(std::move(gap));
 }
 
+NarrowGap ModelSampler::Narrow(const Gap& gap, double width) {
+  return {.link = gap.link, .other = gap.other, .face = gap.face, .width = width, .kept = gap.kept};
+}
+
 void ModelSampler::LearnWhatIsNarrow() {
   std::vector<std::vector<double>> widths(gaps_.size());
   for (int i = 0; i < kLearnt; ++i) {
@@ -123,6 +127,8 @@ void ModelSampler::LearnWhatIsNarrow() {
     const auto median = widths[g].begin() + kLearnt / 2;
     std::ranges::nth_element(widths[g], median);
     gaps_[g].kept = std::max(kLeastKept, *median / 2);
+    const double widest = std::ranges::max(widths[g]);
+    if (widest < kLeastKept) always_narrow_.push_back(Narrow(gaps_[g], widest));
   }
 }
 
@@ -195,8 +201,7 @@ std::vector<NarrowGap> ModelSampler::NarrowGapsAt(std::span<const double> q) {
   for (const Gap& gap : gaps_) {
     const double width = Width(gap, gap.kept);
     if (width >= gap.kept) continue;
-    narrow.push_back(
-        {.link = gap.link, .other = gap.other, .face = gap.face, .width = width, .kept = gap.kept});
+    narrow.push_back(Narrow(gap, width));
   }
   std::ranges::sort(narrow, {}, &NarrowGap::width);
   return narrow;

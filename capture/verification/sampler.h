@@ -80,6 +80,11 @@ class ModelSampler {
   // finds none.
   std::optional<Configuration> Next(const Configuration& here);
 
+  // Gaps that were narrower than kLeastKept wherever chance put the robot, as wide as they ever
+  // were: links that touch by their model's construction, or are beyond a face. The model cannot
+  // show whether they meet, and while they are gaps no way is clear.
+  std::span<const NarrowGap> AlwaysNarrow() const { return always_narrow_; }
+
   // The narrowest first; none: the robot is clear of itself and the workspace's faces.
   std::vector<NarrowGap> NarrowGapsAt(std::span<const double> q);
   bool IsClear(std::span<const double> q) { return IsClear(q, gaps_); }
@@ -107,6 +112,7 @@ class ModelSampler {
   bool IsNextTo(size_t link, size_t other) const;
   void AddGapBetween(size_t link, size_t other);
   void AddGapToFace(size_t link, int face);
+  static NarrowGap Narrow(const Gap& gap, double width);
   void LearnWhatIsNarrow();
   Configuration Any();
   void Place(std::span<const double> q);
@@ -131,6 +137,7 @@ class ModelSampler {
   std::vector<std::vector<size_t>> parts_;  // by link
   std::vector<std::vector<size_t>> balls_;  // by part
   std::vector<Gap> gaps_;
+  std::vector<NarrowGap> always_narrow_;
   PlacedBalls placed_;
   std::vector<Eigen::Isometry3d> poses_;
 };

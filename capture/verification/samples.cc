@@ -112,6 +112,41 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
 
 namespace {
 
+std::string FaceName(int face) {
+  return absl::StrCat("the ", face < 3 ? "lower" : "upper", " face of 'workspace' across ",
+                      std::string(1, "xyz"[face % 3]));
+}
+
+}  // namespace
+
+std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::string> link_names) {
+  std::string pairs;
+  std::string options;
+  std::string beyond;
+  for (const NarrowGap& gap : sampler.AlwaysNarrow()) {
+    const std::string& link = link_names[gap.link];
+    if (gap.face >= 0) {
+      absl::StrAppend(&beyond, beyond.empty() ? "" : "; ", "'", link, "' is beyond ",
+                      FaceName(gap.face),
+                      " at all joint values that were tried: correct 'workspace'");
+      continue;
+    }
+    const std::string& other = link_names[gap.other];
+    absl::StrAppend(&pairs, pairs.empty() ? "" : ", ", "'", link, "' and '", other, "'");
+    absl::StrAppend(&options, " --not-checked '", link, "' '", other, "'");
+  }
+  if (pairs.empty()) return beyond;
+  return absl::StrCat(
+      "by the model these links touch at all joint values that were tried, so it cannot show "
+      "whether they meet: ",
+      pairs,
+      "; mend the model, or, where they cannot meet on the robot, let verify-model leave "
+      "them out:",
+      options, beyond.empty() ? "" : "; ", beyond);
+}
+
+namespace {
+
 // Drives, and stops the robot if it cannot go on.
 class SampleDrive {
  public:
@@ -152,13 +187,10 @@ absl::Status SampleDrive::NoWayFrom(const Configuration& here) {
   for (const NarrowGap& gap : sampler_.NarrowGapsAt(here)) {
     const bool to_face = gap.face >= 0;
     if (gap.width < kLeastKept) (to_face ? touches : links_touch) = true;
-    absl::StrAppend(
-        &gaps, "\n  '", link_names_[gap.link], "' and ",
-        to_face ? absl::StrCat("the ", gap.face < 3 ? "lower" : "upper",
-                               " face of 'workspace' across ", std::string(1, "xyz"[gap.face % 3]))
-                : absl::StrCat("'", link_names_[gap.other], "'"),
-        absl::StrFormat(": %.1f mm apart by the model, %.1f mm are kept", 1000 * gap.width,
-                        1000 * gap.kept));
+    absl::StrAppend(&gaps, "\n  '", link_names_[gap.link], "' and ",
+                    to_face ? FaceName(gap.face) : absl::StrCat("'", link_names_[gap.other], "'"),
+                    absl::StrFormat(": %.1f mm apart by the model, %.1f mm are kept",
+                                    1000 * gap.width, 1000 * gap.kept));
   }
   touches = touches || links_touch;
   return absl::FailedPreconditionError(absl::StrCat(
@@ -174,6 +206,9 @@ absl::Status SampleDrive::NoWayFrom(const Configuration& here) {
 }
 
 absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
+  if (std::string always = AlwaysNarrowText(sampler_, link_names_); !always.empty()) {
+    return absl::FailedPreconditionError(always);
+  }
   while (samples.size() < count && !observer_.stop_requested()) {
     ASSIGN_OR_RETURN(const Configuration here, Here());
     const std::optional<Configuration> next = sampler_.Next(here);

@@ -27,10 +27,14 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
                                                    size_t count, double fixed_joint_tolerance,
                                                    uint64_t seed);
 
+// One sentence that names what ModelSampler::AlwaysNarrow has, and the mend; empty: it has nothing.
+std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::string> link_names);
+
 // Drives the robot to `count` configurations, straight from one to the next, and makes its masks as
 // a capture does. Fewer: a stop was requested. `parts.travel` is of the database's grid, which has
 // the joints of the sampler's robot; `link_names`: of its links, for messages. FailedPrecondition:
-// the robot stands where the sampler finds no way; what is too near to what is named. Aborted: it
+// the robot stands where the sampler finds no way, or there is none anywhere; what is too near to
+// what is named. Aborted: it
 // misses three places in a row. Errors of devices; the robot is stopped then.
 absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
                                                      std::span<const std::string> link_names,

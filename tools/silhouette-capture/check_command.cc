@@ -12,7 +12,9 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "calib/robot/drawn_cell.h"
 #include "capture/devices/camera_set.h"
+#include "capture/verification/samples.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -134,6 +136,29 @@ Findings OfCameras(const Cell& cell, CameraSet& cameras) {
   return findings;
 }
 
+// Whether the robot can be drawn, and what its model cannot show.
+Findings OfDrawnImages(const Cell& cell) {
+  const auto drawn = DrawnCellOf(cell);
+  if (!drawn.ok()) return {{"robot images", false, std::string(drawn.status().message())}};
+  if (!*drawn) return {};
+  const DrawnCell& of = **drawn;
+  std::vector<std::string> moving;
+  for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
+  const auto robot = DrawnRobotOf(of, moving, cell.fixed_joints, {}, {}, 0);
+  if (!robot.ok()) return {{"robot images", false, std::string(robot.status().message())}};
+  Findings findings = {
+      {"robot images", true, absl::StrCat("drawn, of ", robot->parts().size(), " parts")}};
+  const Eigen::AlignedBox3d everywhere(Eigen::Vector3d::Constant(-1e3),
+                                       Eigen::Vector3d::Constant(1e3));
+  const ModelSampler sampler(*robot, cell.grid.joints(), cell.workspace.value_or(everywhere),
+                             of.forbidden, {.tolerance = of.parts.tolerance}, 1);
+  std::vector<std::string> links;
+  for (const RobotLink& link : of.robot->links()) links.push_back(link.name);
+  const std::string text = AlwaysNarrowText(sampler, links);
+  if (!text.empty()) findings.push_back({"links", true, text});
+  return findings;
+}
+
 // The database, and what is still to be captured into it.
 Findings OfCapture(const CellArguments& arguments, const CellFile& file, const Travel& travel) {
   const auto database = OpenDatabase(file, Database::Access::kRead);
@@ -173,6 +198,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   const auto add = [&](const Findings& more) {
     findings.insert(findings.end(), more.begin(), more.end());
   };
+  add(OfDrawnImages(file.cell));
   const auto devices = OpenDevices(file.cell, travel, file.variant);
   if (devices.ok()) {
     add(OfRobot(file.cell, *devices->robot));

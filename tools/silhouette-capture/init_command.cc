@@ -91,6 +91,14 @@ absl::StatusOr<std::vector<MovingJoint>> MovingJoints(const InitOptions& options
   if (!options.joints.empty()) return moving;
   for (const RobotJoint& joint : robot.joints()) moving.push_back({&joint, ""});
   if (moving.empty()) return InvalidArgument(options.urdf, ": no joint of the robot moves");
+  if (moving.size() > kMaxJoints) {
+    std::vector<std::string> names;
+    for (const MovingJoint& joint : moving) names.push_back("'" + joint.joint->name + "'");
+    return InvalidArgument(
+        options.urdf, ": ", names.size(), " joints of the robot move, at most ", kMaxJoints,
+        " may; name those with --joint, each by itself: ", absl::StrJoin(names, ", "),
+        "; the others, of a gripper, say, are fixed");
+  }
   return moving;
 }
 

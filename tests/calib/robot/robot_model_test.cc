@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <numbers>
+#include <tuple>
+#include <variant>
 
 #include "absl/strings/str_replace.h"
 #include "tests/calib/robot/urdf_files.h"
@@ -209,13 +211,88 @@ TEST(RobotModel, BadFilesAreOneSentence) {
 TEST(RobotModel, UnsupportedJointsAreNamed) {
   const std::string links = "<parent link='a'/><child link='b'/>";
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='floating'>" + links + "</joint>")),
-              HasSubstr("joint 'j' is of a type that is not supported"));
+              HasSubstr("joint 'j' is of a type that is not supported; make it fixed"));
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='revolute'>" + links +
                                "<limit lower='1' upper='-1' effort='1' velocity='1'/></joint>")),
               HasSubstr("lower limit of joint 'j'"));
   EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='continuous'>" + links +
                                "<axis xyz='0 0 0'/></joint>")),
               HasSubstr("axis of joint 'j'"));
+}
+
+TEST(RobotModel, WhatOnlyDynamicsNeedNeedNotBeComplete) {
+  EXPECT_EQ(ErrorOf("<robot name='r'><link name='a'><inertial/></link><link name='b'/>"
+                    "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>"
+                    "<limit lower='-1' upper='2'/><dynamics/><calibration/>"
+                    "<safety_controller soft_lower_limit='-1'/></joint></robot>"),
+            "no error");
+}
+
+TEST(RobotModel, TextThatIsNotUtf8IsRefusedWithTheMend) {
+  EXPECT_THAT(ErrorOf("<robot name='Gr\xfcn'><link name='a'/></robot>"),
+              HasSubstr("not UTF-8; convert it, as in: iconv"));
+  EXPECT_EQ(ErrorOf("<robot name='Gr\xc3\xbcn'><link name='Arm 1/\xc3\xb6'/></robot>"), "no error");
+}
+
+TEST(RobotModel, CapsulesAreACylinderBetweenTwoSpheres) {
+  const auto robot = RobotModel::FromUrdf(
+      WriteFile(FreshFolder() / "r.urdf",
+                "<robot name='r'><link name='a'>"
+                "<visual><geometry><capsule radius='0.1' length='0.6'/></geometry>"
+                "<origin xyz='1 2 3' rpy='0 1.5707963267948966 0.1'/></visual>"
+                "<collision><geometry><capsule radius='0.2' length='1'/></geometry></collision>"
+                "</link></robot>"));
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  for (const auto& [bodies, radius, length] :
+       {std::tuple(robot->links()[0].visual, 0.1, 0.6), {robot->links()[0].collision, 0.2, 1.0}}) {
+    ASSERT_EQ(bodies.size(), 3u);
+    const auto* cylinder = std::get_if<CylinderShape>(&bodies[0].shape);
+    ASSERT_NE(cylinder, nullptr);
+    EXPECT_EQ(cylinder->radius, radius);
+    EXPECT_EQ(cylinder->length, length);
+    for (const size_t end : {1u, 2u}) {
+      const auto* sphere = std::get_if<SphereShape>(&bodies[end].shape);
+      ASSERT_NE(sphere, nullptr);
+      EXPECT_EQ(sphere->radius, radius);
+      const double z = (end == 1 ? -0.5 : 0.5) * length;
+      EXPECT_TRUE((bodies[0].link_from_shape * Eigen::Vector3d(0, 0, z))
+                      .isApprox(bodies[end].link_from_shape.translation(), 1e-12));
+    }
+  }
+  for (const std::string capsule : {"<capsule radius='0.1'/>", "<capsule length='0.1'/>",
+                                    "<capsule radius='0,1' length='1'/>"}) {
+    EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual><geometry>" + capsule +
+                        "</geometry></visual></link></robot>"),
+                HasSubstr("correct the element, or leave it out"));
+  }
+}
+
+TEST(RobotModel, TextMeshThatIsCutOffIsNotTakenForAWholeOne) {
+  const auto folder = FreshFolder();
+  const std::string whole = TetrahedronStl();
+  const std::string urdf = WriteFile(folder / "robot.urdf", WithMesh("link.STL"));
+  const std::vector<std::string> texts = {whole, absl::StrReplaceAll(whole, {{"\n", "\r\n"}}),
+                                          whole + "\n\n"};
+  for (const std::string& text : texts) {
+    WriteFile(folder / "link.STL", text);
+    EXPECT_TRUE(RobotModel::FromUrdf(urdf).ok()) << RobotModel::FromUrdf(urdf).status();
+  }
+  const auto error = [&](size_t size) {
+    WriteFile(folder / "link.STL", whole.substr(0, size));
+    return std::string(RobotModel::FromUrdf(urdf).status().message());
+  };
+  for (const size_t size : {whole.rfind("facet normal"), whole.rfind("solid"), whole.size() - 9}) {
+    EXPECT_THAT(error(size), HasSubstr("link.STL' is cut off: it does not end with 'endsolid'"))
+        << size;
+  }
+  EXPECT_THAT(error(whole.rfind("vertex")), HasSubstr("link.STL' cannot be read"));
+}
+
+TEST(RobotModel, MeshThatGitLfsHasNotFetchedIsNamedWithTheMend) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "link.stl", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n");
+  const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh("link.stl")));
+  EXPECT_THAT(std::string(robot.status().message()), HasSubstr("git lfs pull"));
 }
 
 TEST(RobotModel, MimicsOfWhatTheyCannotAreNamed) {
@@ -345,9 +422,12 @@ TEST(RobotModel, ShapesThatCannotBeReadAreNamedAndNeverLeftOut) {
                         "'/><geometry><box size='1 1 1'/></geometry></visual></link></robot>"),
                 HasSubstr("[" + number + "]"));
   }
-  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><collision><geometry><capsule radius='1' "
+  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><collision><geometry><torus radius='1' "
                       "length='2'/></geometry></collision></link></robot>"),
-              HasSubstr("'capsule'"));
+              HasSubstr("'torus'"));
+  EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'><visual><geometry><box size='1 1 1'/>"
+                      "<sphere radius='1'/></geometry></visual></link></robot>"),
+              HasSubstr("bad.urdf:2: link 'a' has a geometry of more than one shape; give each"));
 }
 
 TEST(RobotModel, LengthsThatNoRobotHasAreNamedWithTheUnit) {
@@ -367,6 +447,9 @@ TEST(RobotModel, LengthsThatNoRobotHasAreNamedWithTheUnit) {
                                "<child link='b'/><origin xyz='0 0 500'/>" +
                                limit + "</joint>")),
               HasSubstr("the origin of joint 'j' is 500 m"));
+  EXPECT_THAT(ErrorOf(OneJoint("<joint name='j' type='prismatic'><parent link='a'/>"
+                               "<child link='b'/><limit lower='-500' upper='500'/></joint>")),
+              HasSubstr("the range of joint 'j' is 1000 m"));
   const auto folder = FreshFolder();
   WriteFile(folder / "link.stl", TetrahedronStl());
   const auto robot = RobotModel::FromUrdf(

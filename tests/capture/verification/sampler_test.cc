@@ -10,6 +10,7 @@
 #include <numbers>
 #include <string>
 
+#include "capture/verification/samples.h"
 #include "tests/calib/robot/drawing/random_robots.h"
 #include "tests/random.h"
 
@@ -234,6 +235,32 @@ TEST(Sampler, LinksThatTheOperatorNamesAreNotChecked) {
   SmallRobot drum(Drum(), {.not_checked = {{1, 2}}});
   EXPECT_TRUE(drum.sampler->IsClear(Configuration{0, 0}));
   EXPECT_TRUE(drum.sampler->Next(Configuration{0, 0}).has_value());
+}
+
+TEST(Sampler, LinksThatTouchByTheirConstructionAreFoundAndOthersAreNot) {
+  // The axis goes up and down through the bridge; the peg meets the guard only here and there.
+  const std::string gantry =
+      Link("frame", Body("box size='2.4 0.08 0.1'", "0 0.8 2")) +
+      Link("bridge", Body("box size='0.1 1.8 0.1'")) +
+      Link("trolley", Body("box size='0.2 0.2 0.04'")) +
+      Link("axis", Body("box size='0.06 0.06 2'")) +
+      Joint("x", "prismatic", "frame", "bridge", "xyz='0 0 0.5'", "1 0 0", -1, 1) +
+      Joint("y", "prismatic", "bridge", "trolley", "xyz='0 0 0'", "0 1 0", -0.5, 0.5) +
+      Joint("z", "prismatic", "trolley", "axis", "xyz='0 0 0'", "0 0 -1", 0, 0.7);
+  const SmallRobot found(gantry);
+  ASSERT_EQ(found.sampler->AlwaysNarrow().size(), 1u);
+  EXPECT_EQ(found.sampler->AlwaysNarrow()[0].link, 3u);
+  EXPECT_EQ(found.sampler->AlwaysNarrow()[0].other, 1u);
+  const std::vector<std::string> names = {"frame", "bridge", "trolley", "z axis"};
+  const std::string text = AlwaysNarrowText(*found.sampler, names);
+  EXPECT_NE(text.find("'z axis' and 'bridge'; mend the model"), std::string::npos) << text;
+  EXPECT_NE(text.find("--not-checked 'z axis' 'bridge'"), std::string::npos) << text;
+
+  SmallRobot named(gantry, {.not_checked = {{1, 3}}});
+  EXPECT_TRUE(named.sampler->AlwaysNarrow().empty());
+  EXPECT_EQ(AlwaysNarrowText(*named.sampler, names), "");
+  named.ExpectGoes(Configuration{0, 0, 0});
+  EXPECT_TRUE(SmallRobot(Drum()).sampler->AlwaysNarrow().empty());
 }
 
 // Both are a millimetre thick: looks that are centimetres apart do not see them.

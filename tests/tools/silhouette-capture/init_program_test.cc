@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/capture/session/program_cell.h"
 #include "tools/cell/cell.h"
 
@@ -21,9 +22,9 @@ class NewCell : public testing::Test {
   // Of the simulated cell, without its cell.yaml.
   NewCell() { std::filesystem::remove(cell_.cell()); }
 
-  Outcome Init(const std::vector<std::string>& more) const {
-    std::vector<std::string> arguments = {
-        "init", "--urdf", SourceFolder() + "/capture/sim/robots/rx130.urdf", "--out", cell_.cell()};
+  Outcome Init(const std::vector<std::string>& more,
+               const std::string& urdf = SourceFolder() + "/capture/sim/robots/rx130.urdf") const {
+    std::vector<std::string> arguments = {"init", "--urdf", urdf, "--out", cell_.cell()};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return cell_.Run(arguments);
   }
@@ -82,6 +83,40 @@ TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
     EXPECT_THAT(made.err, HasSubstr(mend));
     EXPECT_FALSE(std::filesystem::exists(cell_.cell())) << mend;
   }
+}
+
+TEST_F(NewCell, RobotOfMoreJointsThanCanMoveIsRefusedWithTheirNames) {
+  const std::string urdf = WriteFile(cell_ / "gripper.urdf", GripperUrdf());
+  const Outcome made = Init({"--view", "top=/dev/video0"}, urdf);
+  EXPECT_EQ(made.exit_code, 2) << made.out;
+  EXPECT_THAT(made.err, HasSubstr("8 joints of the robot move, at most 7 may; name those with "
+                                  "--joint, each by itself: 'joint0', 'joint1'"));
+}
+
+TEST_F(NewCell, CheckNamesLinksThatAlwaysTouchByTheModel) {
+  const auto check = [&](const std::string& axis) {
+    std::filesystem::remove(cell_.cell());
+    const std::string urdf = WriteFile(
+        cell_ / "robot.urdf",
+        "<robot name='r'><link name='base'/><link name='bridge'>" + axis +
+            "</link>"
+            "<link name='trolley'/><link name='z axis'>" +
+            axis +
+            "</link>"
+            "<joint name='x' type='prismatic'><parent link='base'/><child link='bridge'/>"
+            "<limit lower='-1' upper='1'/></joint>"
+            "<joint name='y' type='prismatic'><parent link='bridge'/><child link='trolley'/>"
+            "<limit lower='-0.1' upper='0.1'/></joint>"
+            "<joint name='z' type='revolute'><parent link='trolley'/><child link='z axis'/>"
+            "<limit lower='-0.1' upper='0.1'/></joint></robot>");
+    EXPECT_EQ(Init({"--images", "drawn", "--view", "top=/dev/video0"}, urdf).exit_code, 0);
+    return cell_.Run(cell_.Arguments("check")).out;
+  };
+  EXPECT_THAT(check("<visual><geometry><box size='1 1 1'/></geometry></visual>"),
+              AllOf(HasSubstr("ok     robot images: drawn, of 2 parts"),
+                    HasSubstr("ok     links: by the model these links touch"),
+                    HasSubstr("--not-checked 'z axis' 'bridge'")));
+  EXPECT_THAT(check(""), HasSubstr("FAULT  robot images: the robot 'r' has no visual"));
 }
 
 TEST_F(NewCell, AFileThatIsThereIsKept) {
