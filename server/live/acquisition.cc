@@ -153,6 +153,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     lights_.assign(images.size(), {});
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
+    strong_.assign(images.size(), std::nullopt);
     life_.ForgetRobot();
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
@@ -169,6 +170,9 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
     if (!seen[view].ok()) return seen[view].status();
+    SceneMask& shown = *seen[view];
+    shown.strong_before =
+        std::exchange(strong_[view], shown.strong).value_or(Mask(shown.mask.size()));
     // A stamp of a clock that is ahead makes no image younger than its arrival.
     const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
     oldest = std::min(oldest, taken);

@@ -68,6 +68,7 @@ absl::StatusOr<SceneMask> ShownIn(const ServedDatabase& database, int view, cons
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(scene->mask, size));
     if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
+    if (scene->strong_before) RETURN_IF_ERROR(CheckMask(*scene->strong_before, size));
     if (scene->thin) RETURN_IF_ERROR(CheckMask(*scene->thin, size));
     return *scene;
   }
@@ -111,6 +112,9 @@ absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) 
 // By view, of those that were made of camera images.
 using Conditions = std::vector<std::optional<ImageCondition>>;
 
+// Mask pixels: reaches the eight around one.
+constexpr double kBeside = 0.5;
+
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured,
                      const std::vector<RobotCover>& covers, Scene& scene, Conditions& conditions) {
@@ -119,6 +123,10 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
   const auto at = static_cast<size_t>(view);
   if (shown.thin && !covers.empty()) {
     shown.mask = shown.mask | (*shown.thin & covers[at].anywhere);
+  }
+  if (shown.strong && shown.strong_before && !covers.empty()) {
+    const Mask& robot = covers[at].anywhere;
+    shown.strong = *shown.strong & (robot | Grown(*shown.strong_before - robot, kBeside));
   }
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[at] = SceneView{.name = input.view,

@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <atomic>
 #include <memory>
 
@@ -128,6 +129,39 @@ TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
     return scene.obstacle_images[0] && scene.obstacle_images[0]->obstacle().Count() > 0;
   });
   EXPECT_EQ(CheckerNow(blocked).Check(At(3, 0)).state(), State::kOccupied);
+}
+
+TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleIfItLasts) {
+  constexpr int kView = 1;
+  constexpr int kX = 2;
+  const int y = kViewSizes[kView].height - 2;
+  // Dark in every `period`th image.
+  const auto darken = [&](int period) {
+    return [=](LiveScript& to) {
+      to.change = [&to, period, y](std::vector<absl::StatusOr<CameraImage>>& images) {
+        if (to.grabs % period != 0) return;
+        CameraImage& image = *images[2];  // of kView
+        for (int row = y * kScale; row < (y + 1) * kScale; ++row) {
+          std::fill_n(image.pixels.begin() + row * image.width + kX * kScale, kScale, uint8_t{20});
+        }
+      };
+    };
+  };
+  Script(darken(2));
+  ASSERT_TRUE(Start().ok());
+  uint64_t newest = 0;
+  for (int i = 0; i < 5; ++i) {
+    const SharedScene scene = NextScene("a scene with the pixel", [&](const Scene& next) {
+      return next.id > newest && next.views[kView] && next.views[kView]->foreground.at(kX, y);
+    });
+    EXPECT_TRUE(scene->obstacle_images[kView]->obstacle().Empty());
+    EXPECT_TRUE(scene->obstacle_images[kView]->unknown().at(kX, y));
+    newest = scene->id;
+  }
+  Script(darken(1));
+  NextScene("a scene with the obstacle", [&](const Scene& scene) {
+    return scene.obstacle_images[kView] && scene.obstacle_images[kView]->obstacle().at(kX, y);
+  });
 }
 
 TEST_F(LiveLoopTest, RobotIsWhereItSaysWhateverTheOrderOfItsJoints) {

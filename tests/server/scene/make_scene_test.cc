@@ -93,6 +93,41 @@ TEST_F(MakeSceneTest, FaintRimOfTheRobotIsUnknownIfItIsKnownToBeFaint) {
   EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
 }
 
+TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
+  const Mask robot = RobotMask(0, 0, 0);
+  const auto pixel = [&](int x, int y) {
+    return Mask::FromPredicate(robot.size(),
+                               [=](int at_x, int at_y) { return at_x == x && at_y == y; });
+  };
+  // Two neighbours outside the robot that touch it.
+  const Mask around = Grown(robot, 0.5) - robot;
+  Mask rim;
+  Mask beside;
+  for (int y = 0; y < robot.height(); ++y) {
+    for (int x = 1; x < robot.width(); ++x) {
+      if (!rim.Empty() || !around.at(x - 1, y) || !around.at(x, y)) continue;
+      rim = pixel(x, y);
+      beside = pixel(x - 1, y);
+    }
+  }
+  ASSERT_FALSE(rim.Empty());
+  const auto obstacle = [&](const std::optional<Mask>& before) {
+    input.views[0].image =
+        SceneMask{.mask = robot | rim, .strong = robot | rim, .strong_before = before};
+    const absl::StatusOr<Scene> scene = Make(*database, input);
+    EXPECT_TRUE(scene.ok()) << scene.status();
+    EXPECT_EQ(*scene->views[0]->strong & robot, robot);
+    return scene->obstacle_images[0]->obstacle();
+  };
+  EXPECT_TRUE(obstacle(Mask(robot.size())).Empty()) << "nothing was there";
+  EXPECT_TRUE(obstacle(robot).Empty()) << "the robot alone is no evidence of something beside it";
+  EXPECT_EQ(obstacle(robot | rim), rim);
+  EXPECT_EQ(obstacle(beside), rim) << "it moved by a pixel";
+  EXPECT_EQ(obstacle(std::nullopt), rim) << "a single image";
+  input.views[0].image = SceneMask{.mask = robot, .strong = robot, .strong_before = Mask({3, 3})};
+  EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
+}
+
 TEST_F(MakeSceneTest, ThinPartsAreForegroundWhereTheRobotIsAndNowhereElse) {
   const Mask robot = RobotMask(0, 0, 0);
   input.views[0].image = SceneMask{.mask = Mask(robot.size()), .thin = ~Mask(robot.size())};
