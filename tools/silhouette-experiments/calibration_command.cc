@@ -170,6 +170,7 @@ nlohmann::ordered_json JsonOf(const LineResult& result) {
     json["others"] = result.others.Result();
     json["worse_by"] = WorseThanOthers(result);
   }
+  if (result.others_failed > 0) json["others_failed"] = result.others_failed;
   json["chi2_per_dof"] = result.predicted.PerFreedom();
   json["meets_goals"] = MeetsGoals(result);
   return json;

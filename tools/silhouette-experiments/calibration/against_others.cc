@@ -19,26 +19,34 @@
 namespace silhouette::calibration_experiment {
 namespace {
 
-constexpr int kNoProgram = 127;       // exit code of a shell that does not find it
-constexpr double kFocalLength = 900;  // a guess, as a user would give it, pixels
+constexpr int kNoProgram = 127;  // exit code of a shell that does not find it
+
+// A camera as a seed for mrcal, which then solves for a lens of LENSMODEL_OPENCV8.
+std::string SeedText(const NamedCamera& camera) {
+  constexpr size_t kParameters = 12;
+  const CameraIntrinsics& lens = camera.model.intrinsics();
+  std::vector<double> intrinsics{lens.fx, lens.fy, lens.cx, lens.cy};
+  intrinsics.insert(intrinsics.end(), lens.distortion.begin(), lens.distortion.end());
+  intrinsics.resize(kParameters);
+  return CameraFileText("LENSMODEL_OPENCV8", intrinsics, lens.width, lens.height,
+                        camera.model.camera_from_world(), camera.view);
+}
 
 absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& folder,
-                                                  std::span<const std::string> views,
-                                                  const CameraIntrinsics& image,
+                                                  std::span<const NamedCamera> truth,
                                                   const Lattice& lattice) {
+  const CameraIntrinsics& image = truth[0].model.intrinsics();
   std::string command = absl::StrFormat(
-      "cd '%s' && mrcal-calibrate-cameras --corners-cache corners.vnl --lensmodel "
-      "LENSMODEL_OPENCV8 --focal %g --object-spacing %.17g --object-width-n %d --object-height-n "
-      "%d --imagersize %d %d",
-      folder.string(), kFocalLength, lattice.spacing, lattice.width, lattice.height, image.width,
-      image.height);
-  for (const std::string& view : views) absl::StrAppend(&command, " '", view, "/*.png'");
+      "cd '%s' && mrcal-calibrate-cameras --corners-cache corners.vnl --seed 'seed*.cameramodel' "
+      "--object-spacing %.17g --object-width-n %d --object-height-n %d --imagersize %d %d",
+      folder.string(), lattice.spacing, lattice.width, lattice.height, image.width, image.height);
+  for (const NamedCamera& camera : truth) absl::StrAppend(&command, " '", camera.view, "/*.png'");
   const int status = std::system(absl::StrCat(command, " > log 2>&1").c_str());
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoProgram) {
     return absl::NotFoundError("there is no program mrcal-calibrate-cameras (package mrcal)");
   }
   std::vector<CameraModel> cameras;
-  for (size_t i = 0; i < views.size(); ++i) {
+  for (size_t i = 0; i < truth.size(); ++i) {
     const std::filesystem::path file = folder / absl::StrCat("camera-", i, ".cameramodel");
     if (status != 0 || !std::filesystem::exists(file)) {
       return absl::InternalError("mrcal-calibrate-cameras failed");
@@ -130,8 +138,7 @@ std::optional<Eigen::Isometry3d> HandEye(const PoseProblem& problem,
 
 }  // namespace
 
-absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const std::string> views,
-                                                          const CameraIntrinsics& image,
+absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedCamera> truth,
                                                           const Board& board,
                                                           std::span<const TagSighting> sightings) {
   ASSIGN_OR_RETURN(const auto corners,
@@ -146,7 +153,12 @@ absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const std::s
   };
   RETURN_IF_ERROR(
       WriteWholeFile((std::filesystem::path(pattern) / "corners.vnl").string(), corners));
-  return RunMrcal(pattern, views, image, board.lattice().value());
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const std::string name = absl::StrCat("seed", i, ".cameramodel");
+    RETURN_IF_ERROR(
+        WriteWholeFile((std::filesystem::path(pattern) / name).string(), SeedText(truth[i])));
+  }
+  return RunMrcal(pattern, truth, board.lattice().value());
 }
 
 std::vector<std::vector<Eigen::Isometry3d>> CalibrateByOpenCv(const PoseProblem& problem) {

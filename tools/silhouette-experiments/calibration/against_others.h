@@ -10,14 +10,15 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_problem.h"
+#include "capture/sim/tag_projection.h"
 
 namespace silhouette::calibration_experiment {
 
-// By the program mrcal-calibrate-cameras with LENSMODEL_OPENCV8: the cameras in the order of
-// `views`, the world is the first one's frame. `image`: its width and height. NotFound: there is no
-// such program in the PATH. Internal: it failed.
-absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const std::string> views,
-                                                          const CameraIntrinsics& image,
+// By the program mrcal-calibrate-cameras with LENSMODEL_OPENCV8, in the order of the true cameras
+// and in a frame of its own. The truth is its seed: from its own, with boards that are seen in
+// part, it often ends hundreds of pixels off. NotFound: there is no such program in the PATH.
+// Internal: it failed.
+absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedCamera> truth,
                                                           const Board& board,
                                                           std::span<const TagSighting> sightings);
 

@@ -4,7 +4,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "calib/intrinsics/solve_lenses.h"
@@ -116,6 +117,17 @@ ChiSquared Predicted(const std::vector<SeenPoint>& points, const LensSolution& s
   return joint.Against(covariance);
 }
 
+// Leaves out images that show little of the board: of these mrcal-calibrate-cameras rejects all
+// corners, and then fails.
+void KeepPlainImages(std::vector<TagSighting>& sightings) {
+  constexpr int kLeastTags = 6;
+  std::map<std::pair<std::string, std::string>, int> tags;
+  for (const TagSighting& sighting : sightings) ++tags[{sighting.frame, sighting.view}];
+  std::erase_if(sightings, [&](const TagSighting& sighting) {
+    return tags.at({sighting.frame, sighting.view}) < kLeastTags;
+  });
+}
+
 // Adds a run's errors, and those of others if they have any.
 void AddRun(const RootMeanSquare& own, const RootMeanSquare& others, LineResult& result) {
   result.error.Add(own);
@@ -170,12 +182,11 @@ absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
   const Board board = HandBoard();
   BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed);
   Disturb(rig.cameras, board, line.errors, seed, frames);
+  KeepPlainImages(frames.sightings);
   std::vector<LensCamera> cameras;
-  std::vector<std::string> views;
   for (const NamedCamera& camera : rig.cameras) {
     const CameraIntrinsics& lens = camera.model.intrinsics();
     cameras.push_back({.name = camera.view, .width = lens.width, .height = lens.height});
-    views.push_back(camera.view);
   }
   ++result.runs;
   const auto solution = SolveLenses(cameras, {board}, frames.sightings);
@@ -192,10 +203,14 @@ absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
   own.Add(aligned.errors.squaredNorm(), static_cast<int>(points.size()));
   RootMeanSquare of_others;
   if (others) {
-    const auto found =
-        CalibrateByMrcal(views, rig.cameras[0].model.intrinsics(), board, frames.sightings);
-    if (!found.ok()) return found.status();
-    of_others.Add(Align(points, *found, rig).errors.squaredNorm(), static_cast<int>(points.size()));
+    const auto found = CalibrateByMrcal(rig.cameras, board, frames.sightings);
+    if (absl::IsNotFound(found.status())) return found.status();
+    if (found.ok()) {
+      of_others.Add(Align(points, *found, rig).errors.squaredNorm(),
+                    static_cast<int>(points.size()));
+    } else {
+      ++result.others_failed;
+    }
   }
   AddRun(own, of_others, result);
   return absl::OkStatus();
