@@ -61,26 +61,32 @@ double CommonErrors(Bundle& bundle) {
   jacobian = jacobian * scale.asDiagonal();
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(
       Eigen::SparseMatrix<double>(jacobian.transpose() * jacobian));
-  std::vector<int> columns;  // of the cameras
+  if (solver.info() != Eigen::Success) return 1;
+  // Of the state on each camera's pose, that in directions of variance 1. Not of all cameras
+  // together: how they stand to each other is known far better than where they stand.
+  std::vector<Eigen::MatrixXd> of_cameras;
   for (const BundleBlock& block : derivatives->blocks) {
     const bool camera = std::ranges::any_of(
         bundle.cameras, [&](const BundlePose& pose) { return &pose == block.pose; });
-    for (int i = 0; camera && i < 6; ++i) columns.push_back(block.column + i);
+    if (!camera) continue;
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.cols(), 6);
+    unit.middleRows<6>(block.column).setIdentity();
+    const Eigen::MatrixXd solved = solver.solve(unit);
+    const Eigen::LLT<Eigen::MatrixXd> covariance(solved.middleRows<6>(block.column));
+    if (covariance.info() != Eigen::Success) return 1;
+    of_cameras.emplace_back(covariance.matrixL().solve(solved.transpose()).transpose());
   }
-  if (columns.empty() || solver.info() != Eigen::Success) return 1;
-  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.cols(), std::ssize(columns));
-  for (size_t i = 0; i < columns.size(); ++i) unit(columns[i], static_cast<Eigen::Index>(i)) = 1;
-  Eigen::MatrixXd influence = solver.solve(unit);
-  const Eigen::LLT<Eigen::MatrixXd> covariance(influence(columns, Eigen::all));
-  if (covariance.info() != Eigen::Success) return 1;
-  // Of the state on the cameras' poses, these in directions of variance 1.
-  influence = covariance.matrixL().solve(influence.transpose().eval()).transpose().eval();
+  if (of_cameras.empty()) return 1;
+  Eigen::MatrixXd influence(jacobian.cols(), 6 * std::ssize(of_cameras));
+  for (size_t i = 0; i < of_cameras.size(); ++i) {
+    influence.middleCols<6>(static_cast<Eigen::Index>(6 * i)) = of_cameras[i];
+  }
 
   double found = 0;
   double expected = 0;
   for (const std::vector<int>& rows : Clusters(bundle, *derivatives, jacobian)) {
-    Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(jacobian.cols(), std::ssize(columns));
-    Eigen::VectorXd pull = Eigen::VectorXd::Zero(std::ssize(columns));
+    Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(jacobian.cols(), influence.cols());
+    Eigen::VectorXd pull = Eigen::VectorXd::Zero(influence.cols());
     for (const int row : rows) {
       const Eigen::RowVectorXd by_row = jacobian.row(row) * influence;
       pull += by_row.transpose() * derivatives->residuals[static_cast<size_t>(row)];

@@ -21,25 +21,16 @@ namespace {
 
 constexpr int kNoProgram = 127;  // exit code of a shell that does not find it
 
-// A camera as a seed for mrcal, which then solves for a lens of LENSMODEL_OPENCV8.
-std::string SeedText(const NamedCamera& camera) {
-  constexpr size_t kParameters = 12;
-  const CameraIntrinsics& lens = camera.model.intrinsics();
-  std::vector<double> intrinsics{lens.fx, lens.fy, lens.cx, lens.cy};
-  intrinsics.insert(intrinsics.end(), lens.distortion.begin(), lens.distortion.end());
-  intrinsics.resize(kParameters);
-  return CameraFileText("LENSMODEL_OPENCV8", intrinsics, lens.width, lens.height,
-                        camera.model.camera_from_world(), camera.view);
-}
-
 absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& folder,
                                                   std::span<const NamedCamera> truth,
                                                   const Lattice& lattice) {
   const CameraIntrinsics& image = truth[0].model.intrinsics();
   std::string command = absl::StrFormat(
-      "cd '%s' && mrcal-calibrate-cameras --corners-cache corners.vnl --seed 'seed*.cameramodel' "
-      "--object-spacing %.17g --object-width-n %d --object-height-n %d --imagersize %d %d",
-      folder.string(), lattice.spacing, lattice.width, lattice.height, image.width, image.height);
+      "cd '%s' && mrcal-calibrate-cameras --corners-cache corners.vnl --lensmodel "
+      "LENSMODEL_OPENCV8 --focal %g --object-spacing %.17g --object-width-n %d --object-height-n "
+      "%d --imagersize %d %d",
+      folder.string(), image.fx, lattice.spacing, lattice.width, lattice.height, image.width,
+      image.height);
   for (const NamedCamera& camera : truth) absl::StrAppend(&command, " '", camera.view, "/*.png'");
   const int status = std::system(absl::StrCat(command, " > log 2>&1").c_str());
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoProgram) {
@@ -153,11 +144,6 @@ absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedC
   };
   RETURN_IF_ERROR(
       WriteWholeFile((std::filesystem::path(pattern) / "corners.vnl").string(), corners));
-  for (size_t i = 0; i < truth.size(); ++i) {
-    const std::string name = absl::StrCat("seed", i, ".cameramodel");
-    RETURN_IF_ERROR(
-        WriteWholeFile((std::filesystem::path(pattern) / name).string(), SeedText(truth[i])));
-  }
   return RunMrcal(pattern, truth, board.lattice().value());
 }
 

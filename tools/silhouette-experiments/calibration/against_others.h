@@ -15,9 +15,9 @@
 namespace silhouette::calibration_experiment {
 
 // By the program mrcal-calibrate-cameras with LENSMODEL_OPENCV8, in the order of the true cameras
-// and in a frame of its own. The truth is its seed: from its own, with boards that are seen in
-// part, it often ends hundreds of pixels off. NotFound: there is no such program in the PATH.
-// Internal: it failed.
+// and in a frame of its own. It begins with a true focal length; with boards that are seen in part
+// it often ends hundreds of pixels off. NotFound: there is no such program in the PATH. Internal:
+// it failed.
 absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedCamera> truth,
                                                           const Board& board,
                                                           std::span<const TagSighting> sightings);

@@ -117,14 +117,17 @@ ChiSquared Predicted(const std::vector<SeenPoint>& points, const LensSolution& s
   return joint.Against(covariance);
 }
 
-// Leaves out images that show little of the board: of these mrcal-calibrate-cameras rejects all
-// corners, and then fails.
-void KeepPlainImages(std::vector<TagSighting>& sightings) {
-  constexpr int kLeastTags = 6;
-  std::map<std::pair<std::string, std::string>, int> tags;
-  for (const TagSighting& sighting : sightings) ++tags[{sighting.frame, sighting.view}];
+// Small enough to be seen as a whole up to the rims.
+Board WholeBoard() {
+  return Board({.name = "hand", .rows = 4, .columns = 5, .tag_size = 0.04, .gap = 0.04});
+}
+
+// Leaves out images that do not show the whole board: with them mrcal-calibrate-cameras fails.
+void KeepWholeBoards(int tags, std::vector<TagSighting>& sightings) {
+  std::map<std::pair<std::string, std::string>, int> seen;
+  for (const TagSighting& sighting : sightings) ++seen[{sighting.frame, sighting.view}];
   std::erase_if(sightings, [&](const TagSighting& sighting) {
-    return tags.at({sighting.frame, sighting.view}) < kLeastTags;
+    return seen.at({sighting.frame, sighting.view}) < tags;
   });
 }
 
@@ -179,10 +182,10 @@ Board FlangeBoard() {
 absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
                              LineResult& result) {
   const Rig rig = DrawRig(seed);
-  const Board board = HandBoard();
-  BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed);
+  const Board board = WholeBoard();
+  BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed, board);
   Disturb(rig.cameras, board, line.errors, seed, frames);
-  KeepPlainImages(frames.sightings);
+  KeepWholeBoards(board.tags(), frames.sightings);
   std::vector<LensCamera> cameras;
   for (const NamedCamera& camera : rig.cameras) {
     const CameraIntrinsics& lens = camera.model.intrinsics();

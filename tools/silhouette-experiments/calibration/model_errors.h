@@ -30,7 +30,7 @@ struct ErrorLine {
   const char* name;
   const char* meaning;
   ModelErrors errors = {};
-  size_t boards = 40;       // frames of the session of lenses
+  size_t boards = 60;       // frames of the session of lenses
   size_t robot_poses = 30;  // frames of the session of poses
   size_t wrong_poses = 0;   // how many of them the robot reports wrongly
 };
