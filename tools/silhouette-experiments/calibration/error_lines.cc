@@ -117,18 +117,15 @@ ChiSquared Predicted(const std::vector<SeenPoint>& points, const LensSolution& s
   return joint.Against(covariance);
 }
 
-// Small enough to be seen as a whole up to the rims.
-Board WholeBoard() {
-  return Board({.name = "hand", .rows = 4, .columns = 5, .tag_size = 0.04, .gap = 0.04});
-}
-
-// Leaves out images that do not show the whole board: with them mrcal-calibrate-cameras fails.
-void KeepWholeBoards(int tags, std::vector<TagSighting>& sightings) {
-  std::map<std::pair<std::string, std::string>, int> seen;
+// Without images that show fewer tags.
+std::vector<TagSighting> Plain(size_t least_tags, const std::vector<TagSighting>& sightings) {
+  std::map<std::pair<std::string, std::string>, size_t> seen;
   for (const TagSighting& sighting : sightings) ++seen[{sighting.frame, sighting.view}];
-  std::erase_if(sightings, [&](const TagSighting& sighting) {
-    return seen.at({sighting.frame, sighting.view}) < tags;
-  });
+  std::vector<TagSighting> plain;
+  for (const TagSighting& sighting : sightings) {
+    if (seen.at({sighting.frame, sighting.view}) >= least_tags) plain.push_back(sighting);
+  }
+  return plain;
 }
 
 // Adds a run's errors, and those of others if they have any.
@@ -182,10 +179,11 @@ Board FlangeBoard() {
 absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
                              LineResult& result) {
   const Rig rig = DrawRig(seed);
-  const Board board = WholeBoard();
-  BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed, board);
+  constexpr size_t kLeastTags = 6;
+  const Board board = HandBoard();
+  BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed);
   Disturb(rig.cameras, board, line.errors, seed, frames);
-  KeepWholeBoards(board.tags(), frames.sightings);
+  frames.sightings = Plain(kLeastTags, frames.sightings);
   std::vector<LensCamera> cameras;
   for (const NamedCamera& camera : rig.cameras) {
     const CameraIntrinsics& lens = camera.model.intrinsics();
@@ -206,7 +204,8 @@ absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
   own.Add(aligned.errors.squaredNorm(), static_cast<int>(points.size()));
   RootMeanSquare of_others;
   if (others) {
-    const auto found = CalibrateByMrcal(rig.cameras, board, frames.sightings);
+    const auto found = CalibrateByMrcal(rig.cameras, board,
+                                        Plain(static_cast<size_t>(board.tags()), frames.sightings));
     if (absl::IsNotFound(found.status())) return found.status();
     if (found.ok()) {
       of_others.Add(Align(points, *found, rig).errors.squaredNorm(),

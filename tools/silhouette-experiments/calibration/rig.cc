@@ -71,9 +71,9 @@ BoardPlaces CloseUp(const CameraModel& camera, size_t turn, Chance& chance) {
 
 }  // namespace
 
-BoardFrames DrawSession(const Rig& rig, size_t boards, double sigma, uint64_t seed,
-                        const Board& board) {
+BoardFrames DrawSession(const Rig& rig, size_t boards, double sigma, uint64_t seed) {
   const TagProjectionSettings settings{.sigma = sigma, .least_size = 15};
+  const Board board = HandBoard();
   const size_t cameras = rig.cameras.size();
   Chance chance(seed);
   BoardFrames session;

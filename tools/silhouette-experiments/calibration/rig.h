@@ -28,9 +28,8 @@ Board HandBoard();
 // In and around the workspace, where two cameras see it.
 BoardPlaces PlacesOf(const Rig& rig);
 
-// The board in that many places: every third one there, the others close to one of the
+// The hand board in that many places: every third one there, the others close to one of the
 // cameras, so that it is seen all over the image. `sigma`: noise of the corners, pixels.
-BoardFrames DrawSession(const Rig& rig, size_t boards, double sigma, uint64_t seed,
-                        const Board& board = HandBoard());
+BoardFrames DrawSession(const Rig& rig, size_t boards, double sigma, uint64_t seed);
 
 }  // namespace silhouette::calibration_experiment
