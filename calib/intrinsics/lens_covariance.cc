@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <cmath>
 
 #include "calib/camera/camera_model.h"
 #include "db/status/status_macros.h"
@@ -60,6 +61,25 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
   return LongMatrix(scale.asDiagonal() * inverse * scale.asDiagonal());
 }
 
+// LensCovariance::common_errors: how far the placings, each by itself, pull the shared state apart,
+// against how far independent errors of their corners would. `inverse`: of the normal equations
+// without the boards. `chi_squared`: of the solve, per degree of freedom.
+double CommonErrors(const NormalEquations& n, const LongMatrix& inverse, double chi_squared) {
+  constexpr double kExcess = 1.3;  // less is chance
+  long double found = 0;
+  long double expected = 0;
+  for (size_t i = 0; i < n.board.size(); ++i) {
+    const LongMatrix by_shared = Eigen::LDLT<LongMatrix6>(n.board[i]).solve(n.mixed[i].transpose());
+    const LongMatrix pull = n.pull[i] - by_shared.transpose() * n.board_pull[i];
+    const LongMatrix share = inverse * (n.own[i] - n.mixed[i] * by_shared);
+    found += (pull.transpose() * inverse * pull).trace();
+    // The solution has followed each placing by its share.
+    expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
+  }
+  const auto factor = static_cast<double>(found / (chi_squared * expected));
+  return factor > kExcess && std::isfinite(factor) ? factor : 1;
+}
+
 }  // namespace
 
 absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const FreeParts& free) {
@@ -92,7 +112,8 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   const int freedom = n.measurements - n.states;
   if (freedom <= 0) return undetermined;
   result.chi_squared = n.squares / freedom;
-  result.covariance *= result.chi_squared;
+  result.common_errors = CommonErrors(n, inverse, result.chi_squared);
+  result.covariance *= result.chi_squared * result.common_errors;
   if (!result.covariance.allFinite()) return undetermined;
   result.places = n.places;
   return result;

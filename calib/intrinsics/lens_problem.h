@@ -112,6 +112,10 @@ struct NormalEquations {
   LongMatrix shared;               // shared x shared
   std::vector<LongMatrix6> board;  // of each placing
   std::vector<LongMatrix> mixed;   // shared x 6, of each placing
+  // What of `shared` is of each placing, and its weighted residuals times their derivatives.
+  std::vector<LongMatrix> own;
+  std::vector<LongMatrix> pull;  // shared x 1
+  std::vector<Eigen::Matrix<long double, 6, 1>> board_pull;
   StatePlaces places;
   int measurements = 0;  // residuals that count, two of a corner
   int states = 0;
@@ -129,6 +133,9 @@ struct LensCovariance {
   Eigen::MatrixXd covariance;
   StatePlaces places;
   double chi_squared = 0;  // of the solve, per degree of freedom
+  // By how much the covariance is larger than errors would make it that are independent from corner
+  // to corner: a placing's corners have errors in common by blur, time, print and lens. 1: not.
+  double common_errors = 1;
 };
 
 // For the optimum that `problem` holds, whose weights are 1 / standard deviation up to a common

@@ -283,7 +283,7 @@ std::optional<BundleJacobian> CeresBundle::Jacobian() {
   }
   ceres::CRSMatrix crs;
   double cost = 0;
-  if (columns == 0 || !problem_.Evaluate(options, &cost, nullptr, nullptr, &crs)) {
+  if (columns == 0 || !problem_.Evaluate(options, &cost, &result.residuals, nullptr, &crs)) {
     return std::nullopt;
   }
   result.chi2 = 2 * cost;

@@ -104,6 +104,11 @@ struct BundleStatistics {
 // Fills the covariances of cameras, of flanges and board poses, and the size sigmas.
 BundleStatistics FindCovariances(Bundle& bundle);
 
+// After FindCovariances: enlarges covariances and size sigmas where frames, each by itself, pull
+// the cameras farther apart than independent errors of their corners would: a frame's corners have
+// errors in common by blur, time, print and lens.
+void EnlargeByCommonErrors(Bundle& bundle);
+
 // The derivatives of a bundle's residuals, for its statistics.
 
 // A pose (six columns: rotation, translation) or a size factor (one) that is sought.
@@ -118,7 +123,8 @@ struct BundleJacobian {
   std::vector<BundleBlock> blocks;
   // A row per residual (in sigmas) of the used corners and the priors.
   Eigen::SparseMatrix<double> jacobian;
-  double chi2 = 0;  // the residuals' sum of squares
+  std::vector<double> residuals;  // of the rows
+  double chi2 = 0;                // the residuals' sum of squares
 };
 
 // At the poses as they are. Nothing if a used corner lies behind its camera or nothing is sought.

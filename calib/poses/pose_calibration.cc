@@ -95,8 +95,11 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   NoiseModel noise(bundle);
   RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckSizes(problem.size_trust, fit));
+  // With other sizes other corners fit.
+  if (bundle.free_sizes) RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckOutliers(bundle));
   ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
+  EnlargeByCommonErrors(bundle);
   const NoiseFactors factors = noise.Factors(statistics);
   RETURN_IF_ERROR(CheckNoise(bundle, factors));
   PoseSolution solution = SolutionOf(fit, statistics, factors);

@@ -276,6 +276,9 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   } else if (refused && trust == SizeTrust::kNeither) {
     return FailedPrecondition(
         text, "; --trust-size found takes them so, --trust-size stated keeps the description's");
+  } else if (trust == SizeTrust::kNeither) {
+    text += ", as they are here; --trust-size stated keeps the description's";
+    fit.bundle = std::move(other);
   }
   fit.network.warnings.push_back(std::move(text));
   return absl::OkStatus();

@@ -56,7 +56,8 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit);
 
 // Compares the boards' sizes with what the robot's motion or the survey says of them, at the
 // minimum of the fit, which has the sizes found if that is what `trust` says. A size that is off is
-// a warning, from 1 % on FailedPrecondition if nothing is to be trusted.
+// a warning, and the fit has the sizes found unless those stated are to be trusted; from 1 % on it
+// is FailedPrecondition if nothing is to be trusted.
 absl::Status CheckSizes(SizeTrust trust, PoseFit& fit);
 
 // A solved bundle as a PoseSolution.

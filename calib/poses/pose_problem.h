@@ -60,7 +60,7 @@ struct RobotNoise {
 // What counts where a board's stated size and the robot's motion, or the survey, contradict each
 // other.
 enum class SizeTrust {
-  kNeither,  // it is refused
+  kNeither,  // it is refused; less than 1 % is found with all else
   kStated,   // the board's description
   kFound,    // the motion: the board's size is found with all else
 };

@@ -9,6 +9,8 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
+#include "tools/silhouette-experiments/calibration/error_lines.h"
+#include "tools/silhouette-experiments/calibration/model_errors.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 #include "tools/silhouette-experiments/commands.h"
 
@@ -17,7 +19,10 @@ namespace {
 
 using calibration_experiment::Bar;
 using calibration_experiment::Bars;
+using calibration_experiment::ErrorLine;
+using calibration_experiment::ErrorLines;
 using calibration_experiment::Figures;
+using calibration_experiment::LineResult;
 using calibration_experiment::Spread;
 
 // A single calibration's errors have a few common causes: their chi2 says little.
@@ -26,6 +31,7 @@ constexpr int kCalibrations = 16;
 struct CalibrationArguments {
   int runs = 5;
   uint64_t seed = 1;
+  bool model_errors = false;
   std::string format = "text";
 };
 
@@ -86,7 +92,106 @@ nlohmann::ordered_json CalibrationJsonOf(const std::vector<Figures>& runs) {
   return json;
 }
 
+struct ErrorTable {
+  struct Row {
+    const ErrorLine* line = nullptr;
+    LineResult lenses = {};
+    LineResult poses = {};
+  };
+  std::vector<Row> rows;
+  bool mrcal = true;  // whether there is the program mrcal-calibrate-cameras
+};
+
+absl::StatusOr<ErrorTable> MeasureErrorTable(const CalibrationArguments& arguments) {
+  CatchStopSignals();
+  ErrorTable table;
+  for (const ErrorLine& line : ErrorLines()) table.rows.push_back({.line = &line});
+  uint64_t done = 0;
+  const auto runs = static_cast<uint64_t>(arguments.runs);
+  Progress progress("calibrating", runs * table.rows.size(), "sessions");
+  for (uint64_t seed = arguments.seed; seed < arguments.seed + runs; ++seed) {
+    for (ErrorTable::Row& row : table.rows) {
+      if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
+      absl::Status lenses = MeasureLensLine(*row.line, seed, table.mrcal, row.lenses);
+      if (absl::IsNotFound(lenses)) {
+        table.mrcal = false;
+        row.lenses = {};
+        lenses = MeasureLensLine(*row.line, seed, false, row.lenses);
+      }
+      RETURN_IF_ERROR(lenses);
+      RETURN_IF_ERROR(MeasurePoseLine(*row.line, seed, row.poses));
+      progress.Update(++done);
+    }
+  }
+  return table;
+}
+
+void AddErrorRow(std::string_view what, const char* name, double unit, const LineResult& result,
+                 std::string& text) {
+  absl::StrAppendFormat(&text, "%-8s %-8s %7d ", name, std::string(what), result.refused);
+  if (result.error.count() == 0) {
+    absl::StrAppend(&text, "  refused: ", result.refusal, "\n");
+    return;
+  }
+  absl::StrAppendFormat(&text, "%9.4f ", unit * result.error.Result());
+  if (result.others.count() > 0) {
+    absl::StrAppendFormat(&text, "%9.4f %+7.1f %% ", unit * result.others.Result(),
+                          100 * WorseThanOthers(result));
+  } else {
+    absl::StrAppendFormat(&text, "%9s %9s ", "", "");
+  }
+  absl::StrAppendFormat(&text, "%6.2f%s\n", result.predicted.PerFreedom(),
+                        MeetsGoals(result) ? "" : "  MISSED");
+}
+
+std::string ErrorTextOf(const ErrorTable& table) {
+  std::string text = absl::StrFormat("%-8s %-8s %7s %9s %9s %9s %6s\n", "line", "what", "refused",
+                                     "own", "others", "worse by", "chi2");
+  for (const ErrorTable::Row& row : table.rows) {
+    AddErrorRow("lens px", row.line->name, 1, row.lenses, text);
+    AddErrorRow("pose mm", row.line->name, 1000, row.poses, text);
+  }
+  absl::StrAppend(&text, "\n");
+  for (const ErrorLine& line : ErrorLines()) {
+    absl::StrAppendFormat(&text, "%-8s %s\n", line.name, line.meaning);
+  }
+  if (!table.mrcal) {
+    absl::StrAppend(&text, "Lenses have no others: there is no program mrcal-calibrate-cameras.\n");
+  }
+  return text;
+}
+
+nlohmann::ordered_json JsonOf(const LineResult& result) {
+  nlohmann::ordered_json json = {{"runs", result.runs}, {"refused", result.refused}};
+  if (result.refused > 0) json["refusal"] = result.refusal;
+  if (result.error.count() == 0) return json;
+  json["error"] = result.error.Result();
+  if (result.others.count() > 0) {
+    json["others"] = result.others.Result();
+    json["worse_by"] = WorseThanOthers(result);
+  }
+  if (result.others_failed > 0) json["others_failed"] = result.others_failed;
+  json["chi2_per_dof"] = result.predicted.PerFreedom();
+  json["meets_goals"] = MeetsGoals(result);
+  return json;
+}
+
+nlohmann::ordered_json ErrorJsonOf(const ErrorTable& table) {
+  nlohmann::ordered_json json;
+  for (const ErrorTable::Row& row : table.rows) {
+    json[row.line->name] = {{"meaning", row.line->meaning},
+                            {"lenses_px", JsonOf(row.lenses)},
+                            {"poses_m", JsonOf(row.poses)}};
+  }
+  return json;
+}
+
 absl::StatusOr<ExitCode> RunCalibration(const CalibrationArguments& arguments) {
+  if (arguments.model_errors) {
+    ASSIGN_OR_RETURN(const auto table, MeasureErrorTable(arguments));
+    PrintResult(arguments.format, ErrorJsonOf(table), ErrorTextOf(table));
+    return kDone;
+  }
   ASSIGN_OR_RETURN(const auto runs, MeasureAll(arguments));
   PrintResult(arguments.format, CalibrationJsonOf(runs), CalibrationTextOf(runs));
   return kDone;
@@ -105,11 +210,15 @@ void AddCalibrationCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Of the first run; the next one's is one more")
       ->capture_default_str();
+  command->add_flag("--model-errors", arguments->model_errors,
+                    "Instead: sessions that are not as the models say (print, lens, time, blur, "
+                    "robot), beside mrcal-calibrate-cameras and cv::calibrateHandEye");
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Median and worst of all runs, beside what is asked of the worst.\n\n"
       "Example:\n"
-      "  silhouette-experiments calibration --runs 10 --format json");
+      "  silhouette-experiments calibration --runs 10 --format json\n"
+      "  silhouette-experiments calibration --model-errors --runs 6");
   RunWhenChosen(*command, run, arguments, RunCalibration);
 }
 

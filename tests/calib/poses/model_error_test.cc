@@ -51,7 +51,7 @@ TEST(ModelError, GoodPosesOfTheRobotAreKept) {
       ASSERT_TRUE(solution.ok()) << solution.status();
       EXPECT_THAT(LeftOut(*solution).first, testing::IsEmpty()) << seed << ", " << cameras;
       for (const SolvedNoise& noise : solution->noise) {
-        EXPECT_GT(noise.sigma, 5 * noise.stated) << noise.view;
+        EXPECT_GT(noise.sigma, 4 * noise.stated) << noise.view;
       }
     }
   }

@@ -98,7 +98,8 @@ TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
   EXPECT_GT(Mean(modelled.chi2) / 6, 0.8);
   EXPECT_LT(Mean(modelled.chi2) / 6, 1.25);
   EXPECT_GT(Median(exact.workspace), 1.1 * Median(modelled.workspace));
-  EXPECT_GT(Mean(exact.chi2), 2 * Mean(modelled.chi2));
+  // The robot's errors are then in the frames' corners, and the uncertainty counts them so.
+  EXPECT_LT(Mean(exact.chi2) / 6, 2);
 }
 
 // A view saw its board only in two of three frames above: here in each of thirty.

@@ -114,12 +114,19 @@ TEST(PoseRefusals, WhatCountsOfAWrongTagSizeCanBeStated) {
   EXPECT_THAT(Warnings(rig.problem), Contains(HasSubstr("mm elsewhere")));
 }
 
-TEST(PoseRefusals, ATagThatIsALittleLargerIsMentioned) {
+TEST(PoseRefusals, ATagThatIsALittleLargerIsMentionedAndItsSizeFound) {
   PoseRig rig = FlangeRig(7, 4, 18);
   BoardDescription board = rig.problem.boards[0].board.description();
   board.tag_size *= 0.995;
   rig.problem.boards[0].board = Board(board);
   EXPECT_THAT(Warnings(rig.problem), Contains(HasSubstr("measure 120 mm, not 119.4 mm")));
+  const absl::StatusOr<PoseSolution> found = CalibratePoses(rig.problem);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_NEAR(found->boards[0].size * 0.995, 1, 1e-3);
+  rig.problem.size_trust = SizeTrust::kStated;
+  const absl::StatusOr<PoseSolution> stated = CalibratePoses(rig.problem);
+  ASSERT_TRUE(stated.ok()) << stated.status();
+  EXPECT_EQ(stated->boards[0].size, 1);
 }
 
 TEST(PoseRefusals, PosesShiftedByOneFrameAreTold) {

@@ -15,8 +15,8 @@
 #include "calib/poses/pose_calibration.h"
 #include "capture/sim/image_sensor.h"
 #include "capture/sim/renderer.h"
-#include "capture/sim/tag_projection.h"
 #include "db/status/status_macros.h"
+#include "tools/silhouette-experiments/calibration/model_errors.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 
 namespace silhouette::calibration_experiment {
@@ -91,39 +91,6 @@ void AddErrors(const std::vector<TagSighting>& truth, const std::vector<Detected
   }
 }
 
-constexpr size_t kRobotPoses = 30;
-constexpr double kFlangeCornerNoise = 0.05;  // pixels per axis
-
-Eigen::Isometry3d SmallMotion(const RobotNoise& noise, Chance& chance) {
-  const Eigen::Vector3d turn = noise.rotation_sigma * chance.NormalVector();
-  Eigen::Isometry3d motion(Eigen::Translation3d(noise.position_sigma * chance.NormalVector()));
-  motion.rotate(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
-  return motion;
-}
-
-PoseProblem DrawProblem(const Rig& rig, uint64_t seed) {
-  Chance chance(seed);
-  const Board tag({.name = "flange", .tag_size = 0.12});
-  const BoardFrames frames = DrawBoardFrames(rig.cameras, tag, PlacesOf(rig), kRobotPoses,
-                                             {.sigma = kFlangeCornerNoise, .least_size = 15}, seed);
-  Eigen::Isometry3d flange_from_board(Eigen::Translation3d(0.02, -0.05, 0.06));
-  flange_from_board.rotate(Eigen::AngleAxisd(chance.Uniform(-3, 3), chance.Direction()));
-  PoseProblem problem;
-  for (const NamedCamera& camera : rig.cameras) {
-    problem.views.push_back({.name = camera.view, .lens = camera.model.intrinsics()});
-  }
-  problem.boards.push_back({.board = tag, .place = BoardPlace::kFlange});
-  problem.sightings = frames.sightings;
-  for (size_t f = 0; f < frames.frames.size(); ++f) {
-    const Eigen::Isometry3d base_from_flange =
-        frames.world_from_board[f] * flange_from_board.inverse();
-    problem.robot_poses.push_back(
-        {.frame = frames.frames[f],
-         .base_from_flange = base_from_flange * SmallMotion(problem.robot_noise, chance)});
-  }
-  return problem;
-}
-
 }  // namespace
 
 Figures MeasureCorners(uint64_t seed) {
@@ -168,7 +135,8 @@ absl::StatusOr<Figures> MeasureRoundTrip(uint64_t seed) {
 
 absl::StatusOr<Figures> MeasureFlange(uint64_t seed) {
   const Rig rig = DrawRig(seed);
-  ASSIGN_OR_RETURN(const auto solution, CalibratePoses(DrawProblem(rig, seed)));
+  const Board tag({.name = "flange", .tag_size = 0.12});
+  ASSIGN_OR_RETURN(const auto solution, CalibratePoses(DrawFlangeSession(rig, tag, {}, seed)));
   RootMeanSquare places;
   RootMeanSquare directions;
   RootMeanSquare points;

@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
 
+#include "tools/silhouette-experiments/calibration/error_lines.h"
 #include "tools/silhouette-experiments/calibration/figures.h"
+#include "tools/silhouette-experiments/calibration/model_errors.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 
@@ -109,6 +112,60 @@ TEST(CalibrationTrials, CamerasAreFoundFromATagOnTheFlange) {
   const auto figures = MeasureFlange(3);
   ASSERT_TRUE(figures.ok()) << figures.status();
   ExpectWithinBars(*figures, {"flange_mm", "flange_deg", "workspace_mm"});
+}
+
+const ErrorLine& LineOf(const std::string& name) {
+  for (const ErrorLine& line : ErrorLines()) {
+    if (line.name == name) return line;
+  }
+  throw std::out_of_range(name);
+}
+
+TEST(ModelErrors, WithoutErrorsSightingsStayAsTheyAre) {
+  const Rig rig = DrawRig(3);
+  BoardFrames session = DrawSession(rig, 6, 0.1, 3);
+  const BoardFrames before = session;
+  Disturb(rig.cameras, HandBoard(), {}, 3, session);
+  for (size_t i = 0; i < session.sightings.size(); ++i) {
+    EXPECT_LT((session.sightings[i].corners[0] - before.sightings[i].corners[0]).norm(), 1e-9);
+  }
+}
+
+TEST(ModelErrors, EveryErrorMovesCornersByLessThanTwoPixels) {
+  const Rig rig = DrawRig(3);
+  const BoardFrames clean = DrawSession(rig, 6, 0, 3);
+  for (const std::string name : {"scaled", "sheared", "bent", "lens", "late", "blur"}) {
+    BoardFrames session = clean;
+    Disturb(rig.cameras, HandBoard(), LineOf(name).errors, 3, session);
+    double most = 0;
+    for (size_t i = 0; i < session.sightings.size(); ++i) {
+      most =
+          std::max(most, (session.sightings[i].corners[0] - clean.sightings[i].corners[0]).norm());
+    }
+    EXPECT_GT(most, 0.02) << name;
+    EXPECT_LT(most, 2) << name;
+  }
+}
+
+TEST(ModelErrors, LensesOfABentBoardAreAsExactAsPredicted) {
+  LineResult result;
+  const absl::Status status = MeasureLensLine(LineOf("bent"), 3, false, result);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_EQ(result.refused, 0);
+  EXPECT_LT(result.error.Result(), 0.06);
+  // Of one calibration, some 60 degrees of freedom.
+  EXPECT_NEAR(result.predicted.PerFreedom(), 1, 0.65);
+}
+
+TEST(ModelErrors, PosesAreNeverWorseThanOpenCvsBestMethod) {
+  for (const std::string name : {"none", "bent", "late", "wrong"}) {
+    LineResult result;
+    const absl::Status status = MeasurePoseLine(LineOf(name), 3, result);
+    ASSERT_TRUE(status.ok()) << name << ": " << status;
+    EXPECT_EQ(result.refused, 0) << name;
+    EXPECT_GT(result.others.count(), 0) << name;
+    EXPECT_LE(WorseThanOthers(result), 0.02) << name;
+  }
 }
 
 }  // namespace

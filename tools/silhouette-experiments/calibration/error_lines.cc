@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/silhouette-experiments/calibration/error_lines.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "calib/intrinsics/solve_lenses.h"
+#include "calib/poses/pose_calibration.h"
+#include "tools/silhouette-experiments/calibration/against_others.h"
+#include "tools/silhouette-experiments/calibration/rig.h"
+
+namespace silhouette::calibration_experiment {
+namespace {
+
+constexpr double kLensCornerNoise = 0.1;  // pixels per axis
+
+// The workspace as cameras see it in truth.
+struct SeenPoint {
+  size_t camera = 0;
+  Eigen::Vector3d point;
+  Eigen::Vector2d pixel;
+};
+
+std::vector<SeenPoint> SeenPoints(const Rig& rig, const ModelErrors& errors) {
+  std::vector<SeenPoint> points;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const CameraModel& camera = rig.cameras[c].model;
+    for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
+      const auto pixel = SeenAt(camera, errors, point);
+      if (pixel && camera.Contains(*pixel)) points.push_back({c, point, *pixel});
+    }
+  }
+  return points;
+}
+
+// What images alone do not determine: where the reference is, and how large all is.
+struct Similarity {
+  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+  double scale = 1;
+
+  Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return motion * (scale * point); }
+  // Rotation vector, translation, share of the scale.
+  Similarity Changed(const Eigen::Matrix<double, 7, 1>& by) const {
+    Similarity changed = *this;
+    const Eigen::Vector3d turn = by.head<3>();
+    changed.motion.translation() += by.segment<3>(3);
+    changed.motion.rotate(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+    changed.scale *= 1 + by[6];
+    return changed;
+  }
+};
+
+// The errors of all pixels, one after the other. A point that a camera does not see counts as off
+// by the image's width.
+Eigen::VectorXd PixelErrors(const std::vector<SeenPoint>& points,
+                            const std::vector<CameraModel>& cameras,
+                            const Similarity& reference_from_world) {
+  Eigen::VectorXd errors(2 * std::ssize(points));
+  for (size_t i = 0; i < points.size(); ++i) {
+    const CameraModel& camera = cameras[points[i].camera];
+    const auto pixel = camera.Project(reference_from_world * points[i].point);
+    errors.segment<2>(static_cast<Eigen::Index>(2 * i)) =
+        pixel ? *pixel - points[i].pixel : Eigen::Vector2d(camera.intrinsics().width, 0);
+  }
+  return errors;
+}
+
+struct Aligned {
+  Similarity reference_from_world;
+  Eigen::VectorXd errors;       // of the pixels
+  Eigen::MatrixXd derivatives;  // of the pixels by the similarity
+};
+
+// With the similarity that makes the errors as small as can be.
+Aligned Align(const std::vector<SeenPoint>& points, const std::vector<CameraModel>& cameras,
+              const Rig& rig) {
+  constexpr int kSteps = 10;
+  constexpr double kDelta = 1e-6;
+  Aligned aligned;
+  Similarity& similarity = aligned.reference_from_world;
+  similarity.motion =
+      cameras[0].camera_from_world().inverse() * rig.cameras[0].model.camera_from_world();
+  aligned.derivatives.resize(2 * std::ssize(points), 7);
+  for (int step = 0; step < kSteps; ++step) {
+    for (Eigen::Index i = 0; i < 7; ++i) {
+      const Eigen::Matrix<double, 7, 1> by = kDelta * Eigen::Matrix<double, 7, 1>::Unit(i);
+      aligned.derivatives.col(i) = (PixelErrors(points, cameras, similarity.Changed(by)) -
+                                    PixelErrors(points, cameras, similarity.Changed(-by))) /
+                                   (2 * kDelta);
+    }
+    similarity = similarity.Changed(
+        -aligned.derivatives.householderQr().solve(PixelErrors(points, cameras, similarity)));
+  }
+  aligned.errors = PixelErrors(points, cameras, similarity);
+  return aligned;
+}
+
+// The errors against the solution's covariance, both without what the similarity takes up.
+ChiSquared Predicted(const std::vector<SeenPoint>& points, const LensSolution& solution,
+                     const Aligned& aligned) {
+  const Eigen::MatrixXd& covariance = solution.groups[0].covariance.covariance;
+  Eigen::MatrixXd derivatives = Eigen::MatrixXd::Zero(aligned.errors.size(), covariance.cols());
+  for (size_t i = 0; i < points.size(); ++i) {
+    const auto derivative = ProjectionDerivative(solution, points[i].camera,
+                                                 aligned.reference_from_world * points[i].point);
+    if (derivative) derivatives.middleRows<2>(static_cast<Eigen::Index>(2 * i)) = *derivative;
+  }
+  derivatives -= aligned.derivatives * aligned.derivatives.householderQr().solve(derivatives);
+  JointErrors joint;
+  for (Eigen::Index i = 0; i < aligned.errors.size(); i += 2) {
+    joint.Add(derivatives.middleRows<2>(i), aligned.errors.segment<2>(i));
+  }
+  return joint.Against(covariance);
+}
+
+// Without images that show fewer tags.
+std::vector<TagSighting> Plain(size_t least_tags, const std::vector<TagSighting>& sightings) {
+  std::map<std::pair<std::string, std::string>, size_t> seen;
+  for (const TagSighting& sighting : sightings) ++seen[{sighting.frame, sighting.view}];
+  std::vector<TagSighting> plain;
+  for (const TagSighting& sighting : sightings) {
+    if (seen.at({sighting.frame, sighting.view}) >= least_tags) plain.push_back(sighting);
+  }
+  return plain;
+}
+
+// Adds a run's errors, and those of others if they have any.
+void AddRun(const RootMeanSquare& own, const RootMeanSquare& others, LineResult& result) {
+  result.error.Add(own);
+  if (others.count() == 0) return;
+  result.comparable.Add(own);
+  result.others.Add(others);
+}
+
+// Whether a solver's status is a refusal, which is then noted.
+bool IsRefusal(const absl::Status& status, LineResult& result) {
+  if (status.code() != absl::StatusCode::kFailedPrecondition) return false;
+  ++result.refused;
+  result.refusal = std::string(status.message());
+  return true;
+}
+
+// Of workspace points as cameras in these poses see them, metres.
+RootMeanSquare PointErrors(const Rig& rig, const std::vector<Eigen::Isometry3d>& cameras) {
+  RootMeanSquare errors;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const Eigen::Isometry3d error = cameras[c].inverse() * rig.cameras[c].model.camera_from_world();
+    for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
+      errors.Add((error * point - point).squaredNorm(), 1);
+    }
+  }
+  return errors;
+}
+
+ChiSquared Predicted(const Rig& rig, const PoseSolution& solution) {
+  ChiSquared predicted;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const SolvedView& view = solution.views[c];
+    const Eigen::Isometry3d error =
+        view.camera_pose.inverse() * rig.cameras[c].model.camera_from_world();
+    const Eigen::AngleAxisd turn(error.linear());
+    Eigen::Matrix<double, 6, 1> motion;
+    motion << turn.angle() * turn.axis(), error.translation();
+    predicted.Add({.squares = motion.dot(view.covariance.ldlt().solve(motion)), .freedom = 6});
+  }
+  return predicted;
+}
+
+Board FlangeBoard() {
+  return Board({.name = "flange", .rows = 3, .columns = 3, .tag_size = 0.04, .gap = 0.04});
+}
+
+}  // namespace
+
+absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
+                             LineResult& result) {
+  const Rig rig = DrawRig(seed);
+  constexpr size_t kLeastTags = 6;
+  const Board board = HandBoard();
+  BoardFrames frames = DrawSession(rig, line.boards, kLensCornerNoise, seed);
+  Disturb(rig.cameras, board, line.errors, seed, frames);
+  frames.sightings = Plain(kLeastTags, frames.sightings);
+  std::vector<LensCamera> cameras;
+  for (const NamedCamera& camera : rig.cameras) {
+    const CameraIntrinsics& lens = camera.model.intrinsics();
+    cameras.push_back({.name = camera.view, .width = lens.width, .height = lens.height});
+  }
+  ++result.runs;
+  const auto solution = SolveLenses(cameras, {board}, frames.sightings);
+  if (!solution.ok()) {
+    return IsRefusal(solution.status(), result) ? absl::OkStatus() : solution.status();
+  }
+  if (solution->groups.size() != 1) return absl::InternalError("the cameras were not tied");
+  std::vector<CameraModel> models;
+  for (const SolvedCamera& camera : solution->cameras) models.push_back(*camera.model);
+  const std::vector<SeenPoint> points = SeenPoints(rig, line.errors);
+  const Aligned aligned = Align(points, models, rig);
+  result.predicted.Add(Predicted(points, *solution, aligned));
+  RootMeanSquare own;
+  own.Add(aligned.errors.squaredNorm(), static_cast<int>(points.size()));
+  RootMeanSquare of_others;
+  if (others) {
+    const auto found = CalibrateByMrcal(rig.cameras, board,
+                                        Plain(static_cast<size_t>(board.tags()), frames.sightings));
+    if (absl::IsNotFound(found.status())) return found.status();
+    if (found.ok()) {
+      of_others.Add(Align(points, *found, rig).errors.squaredNorm(),
+                    static_cast<int>(points.size()));
+    } else {
+      ++result.others_failed;
+    }
+  }
+  AddRun(own, of_others, result);
+  return absl::OkStatus();
+}
+
+absl::Status MeasurePoseLine(const ErrorLine& line, uint64_t seed, LineResult& result) {
+  const Rig rig = DrawRig(seed);
+  const PoseProblem problem = DrawFlangeSession(rig, FlangeBoard(), line, seed);
+  ++result.runs;
+  const auto solution = CalibratePoses(problem);
+  if (!solution.ok()) {
+    return IsRefusal(solution.status(), result) ? absl::OkStatus() : solution.status();
+  }
+  std::vector<Eigen::Isometry3d> own;
+  for (const SolvedView& view : solution->views) own.push_back(view.camera_pose);
+  RootMeanSquare best;
+  for (const auto& poses : CalibrateByOpenCv(problem)) {
+    const RootMeanSquare errors = PointErrors(rig, poses);
+    if (best.count() == 0 || errors.Result() < best.Result()) best = errors;
+  }
+  result.predicted.Add(Predicted(rig, *solution));
+  AddRun(PointErrors(rig, own), best, result);
+  return absl::OkStatus();
+}
+
+double WorseThanOthers(const LineResult& result) {
+  if (result.others.count() == 0) return 0;
+  return result.comparable.Result() / result.others.Result() - 1;
+}
+
+bool MeetsGoals(const LineResult& result) {
+  const double chi2 = result.predicted.PerFreedom();
+  return WorseThanOthers(result) <= 0.02 && chi2 >= 0.7 && chi2 <= 1.4;
+}
+
+}  // namespace silhouette::calibration_experiment

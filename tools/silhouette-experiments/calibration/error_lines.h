@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// What calibration finds from sessions with model errors, held against the truth and against what
+// other programs find.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "tools/silhouette-experiments/calibration/figures.h"
+#include "tools/silhouette-experiments/calibration/model_errors.h"
+
+namespace silhouette::calibration_experiment {
+
+// Of one line, over several runs. The errors are of workspace points, exactly where they are in
+// truth: pixels for lenses, metres for poses.
+struct LineResult {
+  RootMeanSquare error;       // of the runs that were not refused
+  RootMeanSquare others;      // the best other program's, of the same runs; without count: none ran
+  RootMeanSquare comparable;  // the own error in runs that have that of others
+  ChiSquared predicted;       // of the errors, against the predicted uncertainty
+  int runs = 0;
+  int others_failed = 0;  // runs in which the other program found nothing
+  std::string refusal;    // the last one's reason
+  int refused = 0;
+};
+
+// `others`: whether mrcal-calibrate-cameras is to be run as well. NotFound: there is none.
+// Internal: a solver failed.
+absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others, LineResult& result);
+
+// Beside the best of the methods of cv::calibrateHandEye, by the truth.
+absl::Status MeasurePoseLine(const ErrorLine& line, uint64_t seed, LineResult& result);
+
+// The own error over that of the others, less 1; 0 without others.
+double WorseThanOthers(const LineResult& result);
+
+// At most 2 % worse than others, errors as predicted (chi2 per degree of freedom 0.7 to 1.4).
+bool MeetsGoals(const LineResult& result);
+
+}  // namespace silhouette::calibration_experiment
