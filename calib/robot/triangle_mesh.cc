@@ -128,8 +128,10 @@ bool IsCutOffText(const std::string& path) {
   uint32_t triangles = 0;
   if (bytes.size() >= 84) std::memcpy(&triangles, &bytes[80], 4);
   if (bytes.size() == 84 + 50 * uint64_t{triangles}) return false;
-  const size_t end = bytes.rfind("endfacet");
-  return end == std::string::npos || bytes.find("endsolid", end) == std::string::npos;
+  const size_t end = bytes.find_last_not_of(" \t\r\n");
+  const size_t line = bytes.find_last_of("\r\n", end);
+  const size_t word = bytes.find_first_not_of(" \t", line == std::string::npos ? 0 : line + 1);
+  return word == std::string::npos || bytes.compare(word, 8, "endsolid") != 0;
 }
 
 }  // namespace

@@ -106,19 +106,20 @@ void RemoveDynamics(TiXmlElement& robot) {
 }
 
 // Puts a sphere on either end of every capsule, and a cylinder between: urdfdom knows no capsules.
-// It complains about those whose numbers cannot be read. A second shape of a geometry is refused:
-// urdfdom leaves it out.
+// It complains about those whose numbers cannot be read. A second shape is refused: urdfdom leaves
+// it out.
 absl::Status CompleteBodies(const std::string& path, TiXmlElement& link) {
   for (TiXmlElement* body = link.FirstChildElement(); body != nullptr;
        body = body->NextSiblingElement()) {
     TiXmlElement* const geometry = body->FirstChildElement("geometry");
     TiXmlElement* const shape = geometry == nullptr ? nullptr : geometry->FirstChildElement();
     if (shape == nullptr) continue;
-    if (shape->NextSiblingElement() != nullptr) {
+    if (shape->NextSiblingElement() != nullptr ||
+        geometry->NextSiblingElement("geometry") != nullptr) {
       const char* const name = link.Attribute("name");
       return InvalidArgument(path, ":", geometry->Row(), ": link '", name == nullptr ? "" : name,
-                             "' has a geometry of more than one shape; give each a <visual> or "
-                             "<collision> of its own");
+                             "' has a <visual> or <collision> of more than one shape; give each "
+                             "one of its own");
     }
     if (shape->ValueStr() != "capsule") continue;
     shape->SetValue("cylinder");

@@ -168,11 +168,12 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   absl::Duration oldest = absl::InfiniteDuration();
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t view = 0; view < images.size(); ++view) {
-    if (!images[view]) continue;
+    if (!images[view]) {
+      strong_[view].reset();
+      continue;
+    }
     if (!seen[view].ok()) return seen[view].status();
-    SceneMask& shown = *seen[view];
-    shown.strong_before =
-        std::exchange(strong_[view], shown.strong).value_or(Mask(shown.mask.size()));
+    seen[view]->strong_before = std::exchange(strong_[view], seen[view]->strong);
     // A stamp of a clock that is ahead makes no image younger than its arrival.
     const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
     oldest = std::min(oldest, taken);

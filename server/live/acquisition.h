@@ -101,7 +101,7 @@ class Acquisition {
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;
   absl::Duration lights_learnt_;  // running clock of the newest image set
-  // SceneMask::strong of the newest image of each view; begun again with another database.
+  // SceneMask::strong of each view's image in the newest set; begun again with another database.
   std::vector<std::optional<Mask>> strong_;
   Helpers helpers_;
 };

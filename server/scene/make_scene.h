@@ -34,10 +34,9 @@ struct SceneMask {
   // Further pixels that are foreground if the robot is there (GradedMask::thin), so that the thin
   // parts of the robot are seen, as in its images; nothing: none.
   std::optional<Mask> thin = std::nullopt;
-  // What `strong` was of the view's image before. Outside the robot, evidence is then strong only
-  // where that image had some in the mask pixel or beside it: noise at the rim of a shadow is in
-  // one image, a hand in the next one, too. Nothing: no such image is known of, and all of it
-  // counts.
+  // What `strong` was of the view's image just before. Outside the robot, evidence is then strong
+  // only where that image had some within three mask pixels: noise at the rim of a shadow is in one
+  // image, a hand in the next one, too. Nothing: there was no image just before, and all counts.
   std::optional<Mask> strong_before = std::nullopt;
 };
 // Of a camera image of a view of the database, and its GradedForeground(). Throws what

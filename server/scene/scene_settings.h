@@ -8,8 +8,8 @@
 
 namespace silhouette {
 
-// What faint obstacle components are that lie alone at the rim of the robot's image
-// (ObstacleImage::WithoutWeakRim).
+// What small obstacle components are that lie alone at the rim of the robot's image and are faint,
+// or were not there in the image before (ObstacleImage::WithoutWeakRim, SceneMask::strong_before).
 enum class WeakRim { kUnknown, kObstacle };
 // When a view is not as its reference and the robot images say (view_check.h). The figures are
 // those of the demo's cell while people walk about (docs/live.md).

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-bench-load ADDRESS CLIENTS KIND: clients that ask a server all they can until they are
-// killed, at the least priority, as if they were on other machines. KIND: paths, checks, explain or
-// watches. Writes a byte to its output for every client, when it is first answered.
+// killed or their parent ends, at the least priority, as if they were on other machines. KIND:
+// paths, checks, explain or watches. Writes a byte to its output for every client, when it is first
+// answered.
 #include <grpcpp/create_channel.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <functional>
 #include <map>
@@ -123,5 +126,6 @@ int Run(const std::string& address, int count, const std::string& kind) {
 }  // namespace silhouette::benchmarks
 
 int main(int argc, char** argv) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
   return argc == 4 ? silhouette::benchmarks::Run(argv[1], std::atoi(argv[2]), argv[3]) : 2;
 }

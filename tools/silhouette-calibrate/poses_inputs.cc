@@ -294,9 +294,10 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->check(CLI::Range(3, 100000))
       ->capture_default_str();
   command
-      .add_option("--trust-size", s.size_trust,
-                  "What counts if a board's size contradicts the robot's motion by 1 % and more: "
-                  "stated (the board's description) or found")
+      .add_option(
+          "--trust-size", s.size_trust,
+          "What counts if a board's size contradicts the robot's motion: stated (the board's "
+          "description) or found; default: found up to 1 %, more is refused")
       ->transform(CLI::CheckedTransformer(std::map<std::string, SizeTrust>{
           {"stated", SizeTrust::kStated}, {"found", SizeTrust::kFound}}))
       ->option_text("stated|found");

@@ -228,7 +228,10 @@ void AddCheck(CLI::App& app, Work& work) {
       "check",
       "Shows all that can be known before the robot moves: whether it answers and where it "
       "stands,\n"
-      "one image of each camera, the grid, the database, the disk. Moves and stores nothing.\n"
+      "one image of each camera, the grid, the database, the disk, and of a robot whose images "
+      "are\n"
+      "drawn whether it can be, and which links always touch by its model. Moves and stores "
+      "nothing.\n"
       "Exit code 0: no fault; 1: there are faults.");
   command->footer("Example:\n  silhouette-capture check --cell cell.yaml");
   const auto arguments = std::make_shared<CellArguments>();

@@ -140,8 +140,12 @@ void AddErrorRow(std::string_view what, const char* name, double unit, const Lin
   } else {
     absl::StrAppendFormat(&text, "%9s %9s ", "", "");
   }
-  absl::StrAppendFormat(&text, "%6.2f%s\n", result.predicted.PerFreedom(),
+  absl::StrAppendFormat(&text, "%6.2f%s", result.predicted.PerFreedom(),
                         MeetsGoals(result) ? "" : "  MISSED");
+  if (result.others_failed > 0) {
+    absl::StrAppendFormat(&text, "  (others failed in %d runs)", result.others_failed);
+  }
+  absl::StrAppend(&text, "\n");
 }
 
 std::string ErrorTextOf(const ErrorTable& table) {

@@ -286,6 +286,9 @@ TEST(RobotModel, TextMeshThatIsCutOffIsNotTakenForAWholeOne) {
         << size;
   }
   EXPECT_THAT(error(whole.rfind("vertex")), HasSubstr("link.STL' cannot be read"));
+  WriteFile(folder / "link.STL", whole + whole.substr(0, whole.find("facet")));
+  EXPECT_THAT(std::string(RobotModel::FromUrdf(urdf).status().message()), HasSubstr("is cut off"))
+      << "the second solid";
 }
 
 TEST(RobotModel, MeshThatGitLfsHasNotFetchedIsNamedWithTheMend) {
@@ -425,9 +428,14 @@ TEST(RobotModel, ShapesThatCannotBeReadAreNamedAndNeverLeftOut) {
   EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><collision><geometry><torus radius='1' "
                       "length='2'/></geometry></collision></link></robot>"),
               HasSubstr("'torus'"));
-  EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'><visual><geometry><box size='1 1 1'/>"
-                      "<sphere radius='1'/></geometry></visual></link></robot>"),
-              HasSubstr("bad.urdf:2: link 'a' has a geometry of more than one shape; give each"));
+  EXPECT_THAT(
+      ErrorOf("<robot name='r'>\n<link name='a'><visual><geometry><box size='1 1 1'/>"
+              "<sphere radius='1'/></geometry></visual></link></robot>"),
+      HasSubstr("bad.urdf:2: link 'a' has a <visual> or <collision> of more than one shape"));
+  EXPECT_THAT(
+      ErrorOf("<robot name='r'><link name='a'><visual><geometry><box size='1 1 1'/></geometry>"
+              "<geometry><sphere radius='1'/></geometry></visual></link></robot>"),
+      HasSubstr("of more than one shape; give each one of its own"));
 }
 
 TEST(RobotModel, LengthsThatNoRobotHasAreNamedWithTheUnit) {

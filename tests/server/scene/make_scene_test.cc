@@ -123,6 +123,7 @@ TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
   EXPECT_TRUE(obstacle(robot).Empty()) << "the robot alone is no evidence of something beside it";
   EXPECT_EQ(obstacle(robot | rim), rim);
   EXPECT_EQ(obstacle(beside), rim) << "it moved by a pixel";
+  EXPECT_TRUE(obstacle(pixel(robot.width() - 1, 0)).Empty()) << "something else";
   EXPECT_EQ(obstacle(std::nullopt), rim) << "a single image";
   input.views[0].image = SceneMask{.mask = robot, .strong = robot, .strong_before = Mask({3, 3})};
   EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));

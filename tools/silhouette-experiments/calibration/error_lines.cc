@@ -245,7 +245,8 @@ double WorseThanOthers(const LineResult& result) {
 
 bool MeetsGoals(const LineResult& result) {
   const double chi2 = result.predicted.PerFreedom();
-  return WorseThanOthers(result) <= 0.02 && chi2 >= 0.7 && chi2 <= 1.4;
+  const bool compared = result.others.count() > 0 || result.others_failed == 0;
+  return compared && WorseThanOthers(result) <= 0.02 && chi2 >= 0.7 && chi2 <= 1.4;
 }
 
 }  // namespace silhouette::calibration_experiment

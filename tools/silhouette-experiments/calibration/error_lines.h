@@ -35,7 +35,8 @@ absl::Status MeasurePoseLine(const ErrorLine& line, uint64_t seed, LineResult& r
 // The own error over that of the others, less 1; 0 without others.
 double WorseThanOthers(const LineResult& result);
 
-// At most 2 % worse than others, errors as predicted (chi2 per degree of freedom 0.7 to 1.4).
+// At most 2 % worse than others, which have a result if they were asked, and errors as predicted
+// (chi2 per degree of freedom 0.7 to 1.4).
 bool MeetsGoals(const LineResult& result);
 
 }  // namespace silhouette::calibration_experiment

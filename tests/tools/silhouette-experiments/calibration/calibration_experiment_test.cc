@@ -157,14 +157,14 @@ TEST(ModelErrors, LensesOfABentBoardAreAsExactAsPredicted) {
   EXPECT_NEAR(result.predicted.PerFreedom(), 1, 0.65);
 }
 
-TEST(ModelErrors, PosesAreNeverWorseThanOpenCvsBestMethod) {
+TEST(ModelErrors, PosesAreAtLeastTwiceAsExactAsOpenCvsBestMethod) {
   for (const std::string name : {"none", "bent", "late", "wrong"}) {
     LineResult result;
     const absl::Status status = MeasurePoseLine(LineOf(name), 3, result);
     ASSERT_TRUE(status.ok()) << name << ": " << status;
     EXPECT_EQ(result.refused, 0) << name;
     EXPECT_GT(result.others.count(), 0) << name;
-    EXPECT_LE(WorseThanOthers(result), 0.02) << name;
+    EXPECT_LE(WorseThanOthers(result), -0.5) << name;
   }
 }
 
