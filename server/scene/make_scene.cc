@@ -114,7 +114,7 @@ using Conditions = std::vector<std::optional<ImageCondition>>;
 
 // Mask pixels, between pixels: what moves at 2 m/s and is seen 25 times a second moves by less
 // where a mask pixel shows 2.7 cm or more.
-constexpr double kBetweenImages = 2.5;
+constexpr double kBetweenImages = 1.5;
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured,

@@ -35,7 +35,7 @@ struct SceneMask {
   // parts of the robot are seen, as in its images; nothing: none.
   std::optional<Mask> thin = std::nullopt;
   // What `strong` was of the view's image just before. Outside the robot, evidence is then strong
-  // only where that image had some within three mask pixels: noise at the rim of a shadow is in one
+  // only where that image had some within two mask pixels: noise at the rim of a shadow is in one
   // image, a hand in the next one, too. Nothing: there was no image just before, and all counts.
   std::optional<Mask> strong_before = std::nullopt;
 };

@@ -191,7 +191,9 @@ PredictedErrors PredictedAndFound(double common) {
       ADD_FAILURE() << "seed " << seed << ": " << solution.status();
       continue;
     }
-    if (common == 0) EXPECT_NEAR(solution->groups[0].noise, 1, 0.03) << "seed " << seed;
+    if (common == 0) {
+      EXPECT_NEAR(solution->groups[0].noise, 1, 0.03) << "seed " << seed;
+    }
     found.workspace.Add(WorkspaceErrors(cameras, session.truth, *solution, board, random));
     found.rim.Add(RimErrors(cameras, session.truth, *solution, board));
   }
