@@ -112,8 +112,7 @@ absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) 
 // By view, of those that were made of camera images.
 using Conditions = std::vector<std::optional<ImageCondition>>;
 
-// Mask pixels, between pixels: what moves at 2 m/s and is seen 25 times a second moves by less
-// where a mask pixel shows 2.7 cm or more.
+// Mask pixels from the rim of one to the rim of another: up to two pixels further.
 constexpr double kBetweenImages = 1.5;
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
