@@ -153,7 +153,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     lights_.assign(images.size(), {});
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
-    strong_.assign(images.size(), std::nullopt);
+    strong_.assign(images.size(), {});
     life_.ForgetRobot();
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
@@ -168,16 +168,14 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   absl::Duration oldest = absl::InfiniteDuration();
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t view = 0; view < images.size(); ++view) {
-    if (!images[view]) {
-      strong_[view].reset();
-      continue;
-    }
+    if (!images[view]) continue;
     if (!seen[view].ok()) return seen[view].status();
-    seen[view]->strong_before = std::exchange(strong_[view], seen[view]->strong);
     // A stamp of a clock that is ahead makes no image younger than its arrival.
     const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
     oldest = std::min(oldest, taken);
     newest = std::max(newest, taken);
+    auto [before, strong] = std::exchange(strong_[view], {taken, seen[view]->strong});
+    if (taken - before <= config_.live.evidence_gap) seen[view]->strong_before = std::move(strong);
   }
   if (oldest > newest) oldest = newest = arrived.running;
   absl::StatusOr<std::vector<JointPosition>> joints = joints_(oldest, newest);

@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -101,8 +102,9 @@ class Acquisition {
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;
   absl::Duration lights_learnt_;  // running clock of the newest image set
-  // SceneMask::strong of each view's image in the newest set; begun again with another database.
-  std::vector<std::optional<Mask>> strong_;
+  // By view: when its newest image was taken (running clock), and its SceneMask::strong; begun
+  // again with another database.
+  std::vector<std::pair<absl::Duration, std::optional<Mask>>> strong_;
   Helpers helpers_;
 };
 

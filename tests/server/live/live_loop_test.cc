@@ -131,37 +131,49 @@ TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
   EXPECT_EQ(CheckerNow(blocked).Check(At(3, 0)).state(), State::kOccupied);
 }
 
-TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleIfItLasts) {
-  constexpr int kView = 1;
-  constexpr int kX = 2;
-  const int y = kViewSizes[kView].height - 2;
-  // Dark in every `period`th image.
-  const auto darken = [&](int period) {
-    return [=](LiveScript& to) {
-      to.change = [&to, period, y](std::vector<absl::StatusOr<CameraImage>>& images) {
-        if (to.grabs % period != 0) return;
-        CameraImage& image = *images[2];  // of kView
-        for (int row = y * kScale; row < (y + 1) * kScale; ++row) {
-          std::fill_n(image.pixels.begin() + row * image.width + kX * kScale, kScale, uint8_t{20});
-        }
-      };
-    };
+// A mask pixel beside the robot, dark in every `period`th image.
+constexpr int kRimView = 1;
+constexpr int kRimX = 2;
+const int kRimY = kViewSizes[kRimView].height - 2;
+void DarkenRim(LiveScript& script, int period) {
+  script.change = [&script, period](std::vector<absl::StatusOr<CameraImage>>& images) {
+    if (script.grabs % period != 0) return;
+    CameraImage& image = *images[2];  // of kRimView
+    for (int row = kRimY * kScale; row < (kRimY + 1) * kScale; ++row) {
+      std::fill_n(image.pixels.begin() + row * image.width + kRimX * kScale, kScale, uint8_t{20});
+    }
   };
-  Script(darken(2));
+}
+
+bool ShowsRim(const Scene& scene) {
+  return scene.views[kRimView] && scene.views[kRimView]->foreground.at(kRimX, kRimY);
+}
+
+TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleIfItLasts) {
+  Script([](LiveScript& to) { DarkenRim(to, 2); });
+  config.live.evidence_gap = absl::Hours(1);
   ASSERT_TRUE(Start().ok());
   uint64_t newest = 0;
   for (int i = 0; i < 5; ++i) {
     const SharedScene scene = NextScene("a scene with the pixel", [&](const Scene& next) {
-      return next.id > newest && next.views[kView] && next.views[kView]->foreground.at(kX, y);
+      return next.id > newest && ShowsRim(next);
     });
-    EXPECT_TRUE(scene->obstacle_images[kView]->obstacle().Empty());
-    EXPECT_TRUE(scene->obstacle_images[kView]->unknown().at(kX, y));
+    EXPECT_TRUE(scene->obstacle_images[kRimView]->obstacle().Empty());
+    EXPECT_TRUE(scene->obstacle_images[kRimView]->unknown().at(kRimX, kRimY));
     newest = scene->id;
   }
-  Script(darken(1));
+  Script([](LiveScript& to) { DarkenRim(to, 1); });
   NextScene("a scene with the obstacle", [&](const Scene& scene) {
-    return scene.obstacle_images[kView] && scene.obstacle_images[kView]->obstacle().at(kX, y);
+    return ShowsRim(scene) && scene.obstacle_images[kRimView]->obstacle().at(kRimX, kRimY);
   });
+}
+
+TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleAtOnceIfTheImageBeforeIsTooOld) {
+  Script([](LiveScript& to) { DarkenRim(to, 2); });
+  config.live.evidence_gap = -absl::InfiniteDuration();
+  ASSERT_TRUE(Start().ok());
+  const SharedScene scene = NextScene("a scene with the pixel", ShowsRim);
+  EXPECT_TRUE(scene->obstacle_images[kRimView]->obstacle().at(kRimX, kRimY));
 }
 
 TEST_F(LiveLoopTest, RobotIsWhereItSaysWhateverTheOrderOfItsJoints) {
