@@ -158,7 +158,7 @@ void WeakenSmallAreas(cv::Mat& foreground, int min_pixels) {
 
 // GradedForeground(); stores the steps in `steps` unless it is null.
 cv::Mat Find(const cv::Mat& image, const Reference& reference, const SegmentationSettings& settings,
-             const SlowLight& slow_light, ForegroundSteps* steps) {
+             const SlowLight& slow_light, const cv::Mat& steady, ForegroundSteps* steps) {
   Validate(settings);
   const cv::Mat grey = reference.channels() == 1 ? Grey(image) : image;
   if (grey.size() != reference.size()) {
@@ -167,7 +167,7 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
                                              " x ", reference.size().height));
   }
   if (grey.type() == CV_8UC1 && reference.channels() == 3) {
-    return Find(grey, reference.AsGrey(), settings, slow_light, steps);
+    return Find(grey, reference.AsGrey(), settings, slow_light, steady, steps);
   }
   const Brightness brightness =
       settings.follow_brightness ? BrightnessOf(grey, reference, slow_light) : Brightness{};
@@ -176,8 +176,14 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
     steps->over_limit = DifferenceOverLimit(grey, reference, brightness, settings);
     steps->deviating = foreground > 0;
   }
+  cv::Mat shadows;
   if (settings.shadows == Shadows::kIgnore) {
-    DropShadows(grey, reference, brightness, slow_light, foreground);
+    const bool single = steady.empty();
+    cv::Mat judged = single ? foreground.clone()
+                            : DeviatingPixels(steady, reference, brightness, slow_light, settings);
+    shadows = DropShadows(single ? grey : steady, reference, brightness, slow_light, judged);
+    foreground.setTo(0, shadows);
+    foreground.setTo(kWeakEvidence, (foreground > 0) & (judged == kWeakEvidence));
   }
   if (steps != nullptr) steps->no_shadow = foreground > 0;
   std::optional<Runs> plain;  // weak evidence at a rim is no thin part
@@ -186,6 +192,7 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
   DropSmallAreas(foreground, settings.min_blob_pixels);
   WeakenSmallAreas(foreground, settings.min_blob_pixels);
   if (plain.has_value()) plain->AddThin(foreground);
+  if (!shadows.empty()) foreground.setTo(kShadow, shadows & (foreground == 0));
   if (!reference.undefined().empty()) foreground |= reference.undefined();
   if (steps != nullptr) {
     steps->foreground = foreground > kThinEvidence;
@@ -197,8 +204,9 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
 }  // namespace
 
 cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
-                         const SegmentationSettings& settings, const SlowLight& slow_light) {
-  return Find(image, reference, settings, slow_light, nullptr);
+                         const SegmentationSettings& settings, const SlowLight& slow_light,
+                         const cv::Mat& steady) {
+  return Find(image, reference, settings, slow_light, steady, nullptr);
 }
 
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
@@ -207,16 +215,17 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
 }
 
 GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover) {
-  return {.all = DownSample(foreground > kThinEvidence, mask_size, min_cover),
-          .strong = DownSample(foreground == kStrongEvidence, mask_size,
-                               std::max(min_cover, kStrongCover)),
-          .thin = DownSample(foreground == kThinEvidence, mask_size, min_cover)};
+  return {
+      .all = DownSample(foreground > kThinEvidence, mask_size, min_cover),
+      .strong =
+          DownSample(foreground == kStrongEvidence, mask_size, std::max(min_cover, kStrongCover)),
+      .thin = DownSample((foreground > 0) & (foreground <= kThinEvidence), mask_size, min_cover)};
 }
 
 ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,
                                   const SegmentationSettings& settings) {
   ForegroundSteps steps;
-  Find(image, reference, settings, {}, &steps);
+  Find(image, reference, settings, {}, {}, &steps);
   return steps;
 }
 
@@ -227,7 +236,8 @@ Mask Difference(const cv::Mat& image, const Reference& reference,
 
 Mask RobotMask(const cv::Mat& image, const Reference& reference,
                const SegmentationSettings& settings, MaskSize mask_size) {
-  return DownSample(GradedForeground(image, reference, settings), mask_size, settings.min_cover);
+  return DownSample(GradedForeground(image, reference, settings) > kShadow, mask_size,
+                    settings.min_cover);
 }
 
 }  // namespace silhouette

@@ -27,9 +27,12 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
 // Foreground() with the strength of its evidence: kStrongEvidence or kWeakEvidence
 // (deviating_pixels.h) where foreground. kThinEvidence where it is not, because the clean-up's
 // opening took it away, but what differs joins the foreground: the fingers of a gripper and hoses,
-// and noise at rims. Else 0.
+// and noise at rims. kShadow where it was taken out as a shadow. Else 0: the empty cell. `steady`:
+// in which shadows are looked for in place of the image, its RecentMean (recent_mean.h); empty: in
+// the image.
 cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
-                         const SegmentationSettings& settings, const SlowLight& slow_light = {});
+                         const SegmentationSettings& settings, const SlowLight& slow_light = {},
+                         const cv::Mat& steady = {});
 
 // The share of a mask pixel that must be strong for the mask pixel to be, if min_cover is less.
 // Where the robot's shadow just passes the limits of single pixels, noise adds slivers of it to a
@@ -42,7 +45,7 @@ struct GradedMask {
   Mask all;
   // The pixels of it that rest on strong evidence, on more than kStrongCover of their area.
   Mask strong;
-  // Pixels with thin evidence, in `all` or not: foreground where they show the robot.
+  // Pixels with thin evidence or a shadow, in `all` or not: foreground where they show the robot.
   Mask thin;
 };
 GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cover);

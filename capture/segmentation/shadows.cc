@@ -183,12 +183,12 @@ cv::Mat LeastNear(const cv::Mat& factors) {
 
 }  // namespace
 
-void DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
-                 const SlowLight& slow_light, cv::Mat& foreground) {
+cv::Mat DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
+                    const SlowLight& slow_light, cv::Mat& foreground) {
   const int channels = image.channels();
   Expected expected(image, reference, brightness, slow_light);
   Terms terms = TermsOf(expected, foreground, channels);
-  if (cv::countNonZero(terms.candidate) == 0) return;
+  if (cv::countNonZero(terms.candidate) == 0) return terms.candidate;
   cv::Mat factors = CertainFactors(terms);
   for (int round = 0; round < kRounds; ++round) {
     const cv::Mat least = LeastNear(factors);
@@ -210,7 +210,9 @@ void DropShadows(const cv::Mat& image, const Reference& reference, const Brightn
   }
   // Residues of a shadow come and go with the noise.
   foreground.setTo(kWeakEvidence, terms.candidate);
-  foreground.setTo(0, factors > 0);
+  cv::Mat shadows = factors > 0;
+  foreground.setTo(0, shadows);
+  return shadows;
 }
 
 }  // namespace silhouette

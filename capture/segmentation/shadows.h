@@ -19,8 +19,8 @@ namespace silhouette {
 // belong to the shadow that are no darker than it and no brighter than expected. What stays, but is
 // no darker than a shadow can be and no brighter than expected, becomes weak evidence
 // (deviating_pixels.h): a shadow could explain it. `foreground`: 8-bit, not 0 where foreground, of
-// the image's size.
-void DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
-                 const SlowLight& slow_light, cv::Mat& foreground);
+// the image's size. Returns what was taken out, 8-bit, 255 or 0.
+cv::Mat DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
+                    const SlowLight& slow_light, cv::Mat& foreground);
 
 }  // namespace silhouette

@@ -31,13 +31,16 @@ constexpr absl::Duration kLongestGap = absl::Seconds(10);
 // `since`, the time since it did so, is long enough; it is then set to 0.
 absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
                                  const SegmentationSettings& segmentation, SlowLight& light,
-                                 absl::Duration& since) {
+                                 absl::Duration& since, RecentMean& recent) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
     const Reference& reference = database.reference(view);
-    const cv::Mat foreground = GradedForeground(pixels, reference, segmentation, light);
     const cv::Mat seen = reference.channels() == 1 ? Grey(pixels) : pixels;
+    const bool steady =
+        segmentation.shadows == Shadows::kIgnore && seen.channels() == reference.channels();
+    const cv::Mat foreground = GradedForeground(pixels, reference, segmentation, light,
+                                                steady ? recent.Add(seen, reference) : cv::Mat());
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
       const absl::Duration gap = std::min(since, kLongestGap);
@@ -154,6 +157,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
     strong_.assign(images.size(), {});
+    recent_.assign(images.size(), {});
     life_.ForgetRobot();
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
@@ -162,7 +166,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
     seen[view] = SeenIn(images[view]->image, *database, static_cast<int>(view),
-                        config_.segmentation, lights_[view], since_learnt_[view]);
+                        config_.segmentation, lights_[view], since_learnt_[view], recent_[view]);
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();

@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/devices/devices.h"
+#include "capture/segmentation/recent_mean.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
 #include "server/live/helpers.h"
@@ -105,6 +106,7 @@ class Acquisition {
   // By view: when its newest image was taken (running clock), and its SceneMask::strong; begun
   // again with another database.
   std::vector<std::pair<absl::Duration, std::optional<Mask>>> strong_;
+  std::vector<RecentMean> recent_;  // likewise; of cells that ignore shadows
   Helpers helpers_;
 };
 

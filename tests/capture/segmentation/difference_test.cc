@@ -9,6 +9,7 @@
 #include "capture/segmentation/brightness.h"
 #include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/down_sampling.h"
+#include "capture/segmentation/recent_mean.h"
 #include "tests/capture/segmentation/images.h"
 #include "tests/random.h"
 
@@ -453,6 +454,62 @@ TEST_F(ShadowsTest, ThingInItsOwnShadowIsFound) {
   const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference_, kIgnoring);
   EXPECT_GT(cv::countNonZero(foreground(box_)), 0.8 * box_.area());
   EXPECT_LT(cv::countNonZero(foreground) - cv::countNonZero(foreground(box_)), 300);
+}
+
+// Where the robot is, it is not said to be missing because a shadow falls on its rim; in its images
+// there is no shadow.
+TEST_F(ShadowsTest, ShadowIsNeitherForegroundNorTheEmptyCell) {
+  cv::Mat light = cell_.clone();
+  light(box_) *= 0.7;
+  const cv::Mat image = Expose(light, 1, 1.5, random_);
+  const GradedMask shown = Graded(GradedForeground(image, reference_, kIgnoring), {16, 12}, 0);
+  EXPECT_TRUE(shown.all.Empty());
+  EXPECT_EQ(shown.thin, Mask::FromPredicate({16, 12}, [&](int x, int y) {
+              return box_.contains(cv::Point(10 * x, 10 * y));
+            }));
+  EXPECT_TRUE(RobotMask(image, reference_, kIgnoring, {16, 12}).Empty());
+}
+
+// The cell's texture is hardly seen in the noise, which decides what stays of the shadow.
+TEST_F(ShadowsTest, ShadowsOfRecentImagesStandStill) {
+  const cv::Mat plain = (cell_ - 120) / 6 + 120;
+  const Reference reference = Reference::FromImages(ExposeSeries(plain, 20, 1.5, random_));
+  cv::Mat light = plain.clone();
+  light(box_) *= 0.7;
+  const auto changes = [&](bool steadily) {
+    RecentMean recent;
+    cv::Mat before;
+    int changed = 0;
+    for (int i = 0; i < 60; ++i) {
+      const cv::Mat image = Expose(light, 1, 1.5, random_);
+      const cv::Mat steady = steadily ? recent.Add(image, reference) : cv::Mat();
+      const cv::Mat found =
+          GradedForeground(image, reference, kIgnoring, {}, steady) > kThinEvidence;
+      if (i >= 30) changed += cv::countNonZero(found != before);
+      before = found;
+    }
+    return changed;
+  };
+  const int single = changes(false);
+  EXPECT_GT(single, box_.area());
+  EXPECT_LT(changes(true), single / 10);
+}
+
+TEST_F(ShadowsTest, ThingThatStandsInAShadowIsFoundInRecentImages) {
+  cv::Mat light = cell_.clone();
+  light(cv::Rect(20, 20, 120, 80)) *= 0.7;
+  RecentMean recent;
+  const auto found = [&] {
+    const cv::Mat image = Expose(light, 1, 1.5, random_);
+    return cv::countNonZero(
+        (GradedForeground(image, reference_, kIgnoring, {}, recent.Add(image, reference_)) >
+         kThinEvidence)(box_));
+  };
+  for (int i = 0; i < 40; ++i) EXPECT_EQ(found(), 0) << i;
+  light(box_) = 85;  // as dark as the shadow around it
+  EXPECT_GT(found(), 0.6 * box_.area()) << "most at once";
+  for (int i = 1; i < 16; ++i) found();
+  EXPECT_GT(found(), 0.8 * box_.area());
 }
 
 // On a cell without texture a shadow stays; that it is a thing is no more than possible.
