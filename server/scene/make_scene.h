@@ -31,8 +31,8 @@ struct SceneMask {
   std::optional<Mask> strong = std::nullopt;
   // Of the camera image that the mask was made of, where there was one.
   std::optional<ImageCondition> condition = std::nullopt;
-  // Further pixels that are foreground if the robot is there (GradedMask::thin), so that the thin
-  // parts of the robot are seen, as in its images; nothing: none.
+  // Further pixels that are foreground if the robot is there (GradedMask::thin): its thin parts are
+  // seen, as in its images, and a shadow on it does not make it missing; nothing: none.
   std::optional<Mask> thin = std::nullopt;
   // What `strong` was of the view's image just before. Outside the robot, evidence is then strong
   // only where that image had some within two mask pixels: noise at the rim of a shadow is in one
