@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/triangle_mesh.h"
+#include "calib/robot/whole_mesh.h"
 #include "db/status/status_macros.h"
 
 #include <assimp/config.h>
@@ -8,12 +9,9 @@
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
-#include <cctype>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <limits>
 #include <numbers>
 #include <utility>
@@ -116,30 +114,17 @@ bool IsLfsPointer(const std::string& path) {
   return std::getline(in, line) && line.starts_with("version https://git-lfs");
 }
 
-// Whether a file is text STL whose end is missing, which assimp reads as far as it goes. In a
-// binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
-bool IsCutOffText(const std::string& path) {
-  std::string extension = std::filesystem::path(path).extension().string();
-  std::ranges::transform(extension, extension.begin(),
-                         [](unsigned char c) { return std::tolower(c); });
-  if (extension != ".stl") return false;
-  std::ifstream in(path, std::ios::binary);
-  const std::string bytes(std::istreambuf_iterator<char>(in), {});
-  uint32_t triangles = 0;
-  if (bytes.size() >= 84) std::memcpy(&triangles, &bytes[80], 4);
-  if (bytes.size() == 84 + 50 * uint64_t{triangles}) return false;
-  const size_t end = bytes.find_last_not_of(" \t\r\n");
-  const size_t line = bytes.find_last_of("\r\n", end);
-  const size_t word = bytes.find_first_not_of(" \t", line == std::string::npos ? 0 : line + 1);
-  return word == std::string::npos || bytes.compare(word, 8, "endsolid") != 0;
-}
-
 }  // namespace
 
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vector3d& scale) {
   if (!std::filesystem::is_regular_file(path)) {
     return NotFound("the mesh '" + path + "' does not exist");
   }
+  if (IsLfsPointer(path)) {
+    return InvalidArgument("the mesh '" + path + "' is a pointer to the mesh: git lfs pull");
+  }
+  // Before assimp, which crashes at some files that are cut off.
+  RETURN_IF_ERROR(CheckWhole(path));
   Assimp::Importer importer;
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
@@ -151,13 +136,7 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
                                   aiProcess_JoinIdenticalVertices | aiProcess_PreTransformVertices);
   if (scene == nullptr) {
     return InvalidArgument("the mesh '" + path + "' cannot be read: " + importer.GetErrorString() +
-                           (IsLfsPointer(path) ? "; it is a pointer to the mesh: git lfs pull"
-                                               : "; export it again, as binary STL, say"));
-  }
-  if (IsCutOffText(path)) {
-    return InvalidArgument(
-        "the mesh '" + path +
-        "' is cut off: it does not end with 'endsolid'; copy or export it again");
+                           "; export it again, as binary STL, say");
   }
   TriangleMesh mesh;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) Append(*scene->mMeshes[i], scale, mesh);

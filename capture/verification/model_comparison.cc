@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <map>
+#include <ranges>
 #include <stdexcept>
 #include <utility>
 
@@ -24,6 +25,18 @@ constexpr uint64_t kLeastOfLink = 100;
 constexpr size_t kMostWorst = 8;
 // Share of a view's masks.
 constexpr double kMostlyDrawn = 0.1;
+
+// Of the number of configurations that are enough.
+constexpr double kSafely = 1.5;
+constexpr double kMostSensible = 1e6;
+// Masks that lack a pixel: where fewer are permitted, that none does shows nothing (the upper bound
+// of none is 3 at 95 %).
+constexpr double kLeastExpected = 3;
+constexpr double kFurtherOfFew = 0.005;  // metres
+
+double ShareOf(uint64_t part, uint64_t whole) {
+  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
+}
 
 // A pixel of a mask that is captured and not drawn.
 struct MissingPixel {
@@ -119,11 +132,16 @@ class Comparing {
  private:
   size_t links() const { return link_names_.size(); }
   double GrowthOf(int steps) const { return steps * settings_.growth_step; }
+  // Rounded up.
+  int StepsOf(double growth) const {
+    return static_cast<int>(std::ceil(growth / settings_.growth_step - 1e-9));
+  }
   void Compare(size_t sample, size_t view);
   void CompareCertain(size_t sample, size_t view);
   void FindNeeds(size_t sample, size_t view, const Mask& missing);
   GrowthFit::Costs FindCosts();
   void Fit();
+  int HoldOut(const std::vector<int>& fitted, const std::vector<int>& steps);
   void CountAdded();
   void Judge();
   void JudgeView(size_t view);
@@ -318,23 +336,62 @@ void Comparing::Fit() {
     if (pixel.sample % 2 == 0) half.Add(pixel.needs);
   }
   const std::vector<int> fitted = half.Steps(std::vector<int>(links()));
-  const std::vector<int> steps = all.Steps(fitted);
-  for (size_t link = 0; link < links(); ++link) result_.links[link].growth = GrowthOf(steps[link]);
-  // Of the masks held out.
-  result_.held_out_masks = samples_.size() / 2 * result_.views.size();
-  std::optional<std::pair<size_t, size_t>> last;
-  for (const MissingPixel& pixel : missing_) {
-    if (pixel.sample % 2 == 0 || !all.Reached(pixel.needs)) continue;
-    bool drawn = false;
-    for (size_t link = 0; link < links(); ++link) {
-      drawn = drawn || pixel.needs[link] <= fitted[link];
-    }
-    if (drawn) continue;
-    ++result_.held_out_pixels;
-    const std::pair mask(pixel.sample, pixel.view);
-    if (last != mask) ++result_.held_out_missing;
-    last = mask;
+  std::vector<int> steps = all.Steps(fitted);
+  const int further = HoldOut(fitted, steps);
+  for (size_t link = 0; link < links(); ++link) {
+    if (steps[link] > 0) steps[link] = std::min(steps[link] + further, steps_);
+    result_.links[link].growth = GrowthOf(steps[link]);
   }
+}
+
+// The further steps of links that grow: as many as they need beyond `fitted` for few enough masks
+// held out to lack a pixel, and one more where too few are held out to show that; 0: none, or more
+// than are permitted.
+int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& steps) {
+  result_.held_out_masks = samples_.size() / 2 * result_.views.size();
+  std::vector<int> by_pixel;
+  std::map<std::pair<size_t, size_t>, int> by_mask;
+  for (const MissingPixel& pixel : missing_) {
+    if (pixel.sample % 2 == 0) continue;
+    int needed = steps_ + 1;
+    for (size_t link = 0; link < links(); ++link) {
+      const bool reaches = steps[link] > 0 && pixel.needs[link] <= steps_;
+      if (reaches) needed = std::min(needed, pixel.needs[link] - fitted[link]);
+    }
+    if (needed <= 0 || needed > steps_) continue;
+    by_pixel.push_back(needed);
+    int& of_mask = by_mask[{pixel.sample, pixel.view}];
+    of_mask = std::max(of_mask, needed);
+  }
+  const auto beyond = [](int further) { return [=](int needed) { return needed > further; }; };
+  const auto share = [&](int further) {
+    return ShareOf(
+        static_cast<uint64_t>(std::ranges::count_if(by_mask | std::views::values, beyond(further))),
+        result_.held_out_masks);
+  };
+  const double missing = share(0);
+  const auto masks = static_cast<double>(result_.held_out_masks);
+  const bool few = masks * settings_.most_held_out < kLeastExpected;
+  const int most = StepsOf(kMostFurther);
+  int further = 0;
+  while (further < most && share(further) > settings_.most_held_out) ++further;
+  if (share(further) > settings_.most_held_out) {
+    further = 0;
+  } else if (few && std::ranges::any_of(steps, [](int of_link) { return of_link > 0; })) {
+    further += StepsOf(kFurtherOfFew);
+  }
+  if (further > 0 || missing > settings_.most_held_out) {
+    // What the growth lacks is as rare as there are many configurations.
+    const double times = std::max(kSafely * missing / settings_.most_held_out,
+                                  kLeastExpected / (masks * settings_.most_held_out));
+    const double enough = std::min(times * static_cast<double>(samples_.size()), kMostSensible);
+    result_.enough = 10 * static_cast<size_t>(std::ceil(enough / 10));
+  }
+  result_.further = GrowthOf(further);
+  result_.held_out_missing =
+      static_cast<uint64_t>(std::ranges::count_if(by_mask | std::views::values, beyond(further)));
+  result_.held_out_pixels = static_cast<uint64_t>(std::ranges::count_if(by_pixel, beyond(further)));
+  return further;
 }
 
 void Comparing::CountAdded() {
@@ -349,10 +406,6 @@ void Comparing::CountAdded() {
   }
   if (drawn_ == 0) return;
   result_.additional = static_cast<double>(grown) / static_cast<double>(drawn_) - 1;
-}
-
-double ShareOf(uint64_t part, uint64_t whole) {
-  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
 // The link that would reach most of a view's unreached pixels first, if it grew on.
@@ -417,6 +470,7 @@ void Comparing::JudgeView(size_t view) {
 
 void Comparing::Judge() {
   if (samples_.size() < settings_.least_configurations) {
+    result_.enough = std::max(result_.enough, settings_.least_configurations);
     result_.faults.push_back(absl::StrFormat(
         "%d configurations are too few to compare, at least least_configurations, %d, are needed",
         samples_.size(), settings_.least_configurations));
@@ -435,8 +489,8 @@ void Comparing::Judge() {
   if (missing > settings_.most_held_out) {
     result_.faults.push_back(absl::StrFormat(
         "%.1f %% of the masks held out have a captured pixel that the growth by the others lacks, "
-        "more than most_held_out, %.1f %%: take a larger sample",
-        100 * missing, 100 * settings_.most_held_out));
+        "more than most_held_out, %.1f %%: %d configurations are too few, %d may do",
+        100 * missing, 100 * settings_.most_held_out, samples_.size(), result_.enough));
   }
 }
 

@@ -35,6 +35,7 @@ struct ComparisonSettings {
   // the same. As much as the default of the calibration's margin.
   double most_shift = 0.25;
   // Share of the masks held out with a captured pixel that the growth found by the others lacks.
+  // The growth of few configurations is made greater until it is so (ModelComparison::further).
   double most_held_out = 0.02;
   // Fewer configurations say too little of a link: half of them are held out.
   size_t least_configurations = 30;
@@ -85,10 +86,16 @@ struct WorstMask {
 struct ModelComparison {
   std::vector<ComparedView> views;
   std::vector<ComparedLink> links;  // by link of the model
-  // Of the masks held out, by the growth that the others need.
+  // Of the masks held out, by the growth that the others need,
+  // and `further`.
   uint64_t held_out_masks = 0;
   uint64_t held_out_missing = 0;  // with a missing pixel that growth could reach
   uint64_t held_out_pixels = 0;   // such pixels
+  // Metres, in the growth of all links that grow: without it more masks held out than most_held_out
+  // lack a pixel (at most kMostFurther), or too few are held out to show that (one step more).
+  double further = 0;
+  // How many configurations should need nothing further; 0: these do.
+  size_t enough = 0;
   // What the growth of all adds: its pixels as a share of those drawn without.
   double additional = 0;
   std::vector<WorstMask> worst;  // most pixels first
@@ -97,6 +104,10 @@ struct ModelComparison {
 
   std::vector<double> LinkGrowth() const;
 };
+
+// Metres. More than what captured masks fray by, at few pixels of the camera for one of the mask,
+// is no matter of few configurations.
+constexpr double kMostFurther = 0.01;
 
 // `link_names` by link of the model, `view_names` by view. `progress`: called with masks done, of
 // two for each mask. Half of the samples (every other one) are held out; the growth that is

@@ -128,7 +128,8 @@ std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::s
     if (gap.face >= 0) {
       absl::StrAppend(&beyond, beyond.empty() ? "" : "; ", "'", link, "' is beyond ",
                       FaceName(gap.face),
-                      " at all joint values that were tried: correct 'workspace'");
+                      " at all joint values that were tried: correct 'workspace' in the cell file, "
+                      "so that it holds the whole robot");
       continue;
     }
     const std::string& other = link_names[gap.other];

@@ -5,6 +5,7 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "calib/robot/drawn_cell.h"
+#include "calib/robot/robot_model.h"
 #include "capture/devices/camera_set.h"
 #include "capture/verification/samples.h"
 #include "common/result/result.h"
@@ -28,6 +30,9 @@ namespace {
 // An image of which more is white shows too little: obstacles before it are white, too.
 constexpr double kMostWhite = 0.02;
 constexpr double kLeastLevel = 20;
+constexpr double kTurn = 2 * std::numbers::pi;
+// Radians; joints of robots rarely turn more than twice either way.
+constexpr double kMostUsual = 2 * kTurn + 0.1;
 
 struct Finding {
   std::string what;
@@ -51,6 +56,31 @@ Finding OfGrid(const Cell& cell) {
     absl::StrAppendFormat(&text, ", at most %.3g m from one to the next", cell.grid_move);
   }
   return {"grid", true, text};
+}
+
+// Of revolute joints of many turns, as of limits in degrees. Whole multiples of 5 certainly are.
+absl::StatusOr<Findings> OfLimits(const Cell& cell) {
+  Findings findings;
+  if (cell.robot.urdf.empty()) return findings;
+  ASSIGN_OR_RETURN(const RobotModel robot,
+                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  for (const GridJoint& joint : cell.grid.joints()) {
+    const auto index = robot.JointIndex(joint.name);
+    if (!index || robot.joints()[*index].type != JointType::kRevolute) continue;
+    const double most = std::max(std::abs(joint.lower), std::abs(joint.upper));
+    if (most <= kMostUsual) continue;
+    const auto whole = [](double limit) { return std::remainder(limit, 5) == 0; };
+    const bool degrees = whole(joint.lower) && whole(joint.upper);
+    findings.push_back(
+        {"joint " + joint.name, !degrees,
+         absl::StrFormat(
+             "its limits, %g to %g, are %.0f turns in radians; %s state radians in the "
+             "URDF, or a unit in the cell file: {name: %s, lower: %g deg, upper: %g deg}",
+             joint.lower, joint.upper, (joint.upper - joint.lower) / kTurn,
+             degrees ? "they look like degrees:" : "if they are degrees,", joint.name, joint.lower,
+             joint.upper)});
+  }
+  return findings;
 }
 
 // Where the robot's joints stand, against the cell's file.
@@ -155,7 +185,9 @@ Findings OfDrawnImages(const Cell& cell) {
   std::vector<std::string> links;
   for (const RobotLink& link : of.robot->links()) links.push_back(link.name);
   const std::string text = AlwaysNarrowText(sampler, links);
-  if (!text.empty()) findings.push_back({"links", true, text});
+  const bool beyond = std::ranges::any_of(sampler.AlwaysNarrow(),
+                                          [](const NarrowGap& gap) { return gap.face >= 0; });
+  if (!text.empty()) findings.push_back({"links", !beyond, text});
   return findings;
 }
 
@@ -198,6 +230,8 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   const auto add = [&](const Findings& more) {
     findings.insert(findings.end(), more.begin(), more.end());
   };
+  ASSIGN_OR_RETURN(const Findings limits, OfLimits(file.cell));
+  add(limits);
   add(OfDrawnImages(file.cell));
   const auto devices = OpenDevices(file.cell, travel, file.variant);
   if (devices.ok()) {

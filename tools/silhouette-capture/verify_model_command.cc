@@ -199,8 +199,20 @@ std::string Percents(uint64_t part, uint64_t whole) {
   return absl::StrFormat("%.2f", 100 * Share(part, whole));
 }
 
-std::string ComparisonText(const ModelOfCell& model, const ModelComparison& found,
-                           size_t configurations) {
+// The command that compares as many configurations as are enough.
+std::string LargerSample(const VerifyModelOptions& options, const ModelComparison& found) {
+  std::string command = options.cell.Command("verify-model");
+  if (!options.captured.empty()) {
+    absl::StrAppend(&command, " --captured ", ForShell(options.captured));
+  }
+  for (const auto& [link, other] : options.not_checked) {
+    absl::StrAppend(&command, " --not-checked ", ForShell(link), " ", ForShell(other));
+  }
+  return absl::StrCat(command, " --sample ", found.enough);
+}
+
+std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell& model,
+                           const ModelComparison& found, size_t configurations) {
   Table links{{"link", "growth, cm", "not captured, %"}};
   for (size_t link = 0; link < model.links.size(); ++link) {
     const ComparedLink& compared = found.links[link];
@@ -220,23 +232,36 @@ std::string ComparisonText(const ModelOfCell& model, const ModelComparison& foun
                           absl::StrFormat("%.2f", compared.mean_shift.y()),
                           absl::StrFormat("%.2f", compared.mean_amount)});
   }
+  std::string further;
+  if (found.further > 0) {
+    further = absl::StrFormat(
+        "of it              %.1f cm in each link that grows, because %d configurations are few; "
+        "less with: %s\n",
+        100 * found.further, configurations, LargerSample(options, found));
+  }
   return absl::StrCat(
       absl::StrFormat("compared           %d configurations, %d views\n", configurations,
                       model.views.size()),
       TextOf(links), "\n", TextOf(views), "\n",
       absl::StrFormat("held out           %d masks, %d of them lack a pixel (%d pixels)\n",
                       found.held_out_masks, found.held_out_missing, found.held_out_pixels),
-      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional));
+      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional), further);
 }
 
 nlohmann::ordered_json ComparisonJson(const ModelOfCell& model, const ModelComparison& found,
                                       size_t configurations) {
-  nlohmann::ordered_json json = {
-      {"passed", found.faults.empty()},           {"faults", found.faults},
-      {"digest", DigestOf(model.bare)},           {"configurations", configurations},
-      {"held_out_masks", found.held_out_masks},   {"held_out_missing", found.held_out_missing},
-      {"held_out_pixels", found.held_out_pixels}, {"additional", found.additional},
-      {"links", nlohmann::ordered_json::array()}, {"views", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json = {{"passed", found.faults.empty()},
+                                 {"faults", found.faults},
+                                 {"digest", DigestOf(model.bare)},
+                                 {"configurations", configurations},
+                                 {"held_out_masks", found.held_out_masks},
+                                 {"held_out_missing", found.held_out_missing},
+                                 {"held_out_pixels", found.held_out_pixels},
+                                 {"further", found.further},
+                                 {"enough", found.enough},
+                                 {"additional", found.additional},
+                                 {"links", nlohmann::ordered_json::array()},
+                                 {"views", nlohmann::ordered_json::array()}};
   for (size_t link = 0; link < model.links.size(); ++link) {
     const ComparedLink& compared = found.links[link];
     json["links"].push_back({{"name", model.links[link]},
@@ -301,6 +326,9 @@ absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const Ce
     std::cerr << "the verification that the database had is removed\n";
   }
   for (const std::string& fault : found.faults) std::cerr << "not verified: " << fault << "\n";
+  if (found.enough > 0) {
+    std::cerr << "a larger sample: " << LargerSample(options, found) << "\n";
+  }
   const bool unreached =
       std::ranges::any_of(found.views, [](const ComparedView& view) { return view.unreached > 0; });
   ASSIGN_OR_RETURN(const bool shadows, MayHoldShadows(options, file));
@@ -338,9 +366,10 @@ absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
   RETURN_IF_ERROR(WriteWorst(model, found, samples, picture));
   nlohmann::ordered_json json = ComparisonJson(model, found, samples.size());
   json["picture"] = picture;
-  PrintResult(options.cell.format, json,
-              absl::StrCat(ComparisonText(model, found, samples.size()), "worst masks        ",
-                           picture, "\n", found.faults.empty() ? "the model is verified\n" : ""));
+  PrintResult(
+      options.cell.format, json,
+      absl::StrCat(ComparisonText(options, model, found, samples.size()), "worst masks        ",
+                   picture, "\n", found.faults.empty() ? "the model is verified\n" : ""));
   if (!found.faults.empty()) return RefuseModel(options, file, *model.database, found);
   RETURN_IF_ERROR(model.database->SetVerification(
       VerificationOf(model, found, samples.size(), settings), kVerifyModelProgram));

@@ -281,14 +281,87 @@ TEST(RobotModel, TextMeshThatIsCutOffIsNotTakenForAWholeOne) {
     WriteFile(folder / "link.STL", whole.substr(0, size));
     return std::string(RobotModel::FromUrdf(urdf).status().message());
   };
-  for (const size_t size : {whole.rfind("facet normal"), whole.rfind("solid"), whole.size() - 9}) {
+  for (const size_t size : {whole.rfind("facet normal"), whole.rfind("solid"), whole.size() - 9,
+                            whole.rfind("vertex")}) {
     EXPECT_THAT(error(size), HasSubstr("link.STL' is cut off: it does not end with 'endsolid'"))
         << size;
   }
-  EXPECT_THAT(error(whole.rfind("vertex")), HasSubstr("link.STL' cannot be read"));
   WriteFile(folder / "link.STL", whole + whole.substr(0, whole.find("facet")));
   EXPECT_THAT(std::string(RobotModel::FromUrdf(urdf).status().message()), HasSubstr("is cut off"))
       << "the second solid";
+}
+
+// What a robot with this mesh is refused for; empty: it is not.
+std::string RefusalOf(const std::string& file, const std::string& mesh) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / file, mesh);
+  const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh(file)));
+  return std::string(robot.status().message());
+}
+
+TEST(RobotModel, PlyMeshWithLessThanItsHeaderCountsIsRefused) {
+  const auto header = [](const std::string& format) {
+    return "ply\nformat " + format +
+           " 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+           "element face 4\nproperty list uchar int vertex_indices\nend_header\n";
+  };
+  const std::string text =
+      header("ascii") + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
+  EXPECT_EQ(RefusalOf("link.ply", text), "");
+  EXPECT_THAT(RefusalOf("link.ply", text.substr(0, text.rfind('3') - 1)),
+              HasSubstr("link.ply' is cut off: its header counts 4 'face', 3 are there"));
+  EXPECT_THAT(RefusalOf("link.ply", text.substr(0, text.rfind("3 1"))),
+              HasSubstr("counts 4 'face', 3 are there; copy or export it again"));
+
+  for (const bool big : {false, true}) {
+    std::string binary = header(big ? "binary_big_endian" : "binary_little_endian");
+    const auto add = [&](uint32_t bits) {
+      for (int i = 0; i < 4; ++i) {
+        binary += static_cast<char>(bits >> 8 * (big ? 3 - i : i) & 255);
+      }
+    };
+    for (int i = 0; i < 12; ++i) add(i == 3 || i == 7 || i == 11 ? 0x3f800000 : 0);
+    for (const auto& corners :
+         std::vector<std::array<uint32_t, 3>>{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}) {
+      binary += '\3';
+      for (const uint32_t corner : corners) add(corner);
+    }
+    EXPECT_EQ(RefusalOf("link.ply", binary), "") << big;
+    for (const size_t less : {1, 5, 13, 40}) {
+      EXPECT_NE(RefusalOf("link.ply", binary.substr(0, binary.size() - less)), "")
+          << big << ", " << less;
+    }
+  }
+}
+
+TEST(RobotModel, ObjMeshWhoseEndIsMissingIsRefusedWhereItShows) {
+  const std::string whole =
+      "o t\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\n"
+      "f 1 3 2\nf 1/1/1 2//2 4\nf 1 4 3\nf -4 -3 -2\nf 2 3 \\\n5\n";
+  EXPECT_EQ(RefusalOf("link.obj", whole), "");
+  EXPECT_EQ(RefusalOf("link.obj", whole.substr(0, whole.size() - 1)), "") << "no last line feed";
+  EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.rfind("f 2"))),
+              HasSubstr("has 5 vertices, of which 1 are in no face; its end may be missing"));
+  EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.rfind("3 \\"))),
+              HasSubstr("has a face of fewer than three corners in line 11"));
+  EXPECT_THAT(RefusalOf("link.obj", whole + "f 1 2 6\n"),
+              HasSubstr("has 5 vertices, but names number 6 in line 13"));
+  EXPECT_NE(RefusalOf("link.obj", whole.substr(0, whole.find("f 1"))), "") << "no face";
+}
+
+TEST(RobotModel, ColladaMeshThatASkinPlacesIsRefused) {
+  const auto skinned = [](const std::string& matrix) {
+    return absl::StrReplaceAll(TriangleDae("Z_UP"),
+                               {{"<library_visual_scenes>",
+                                 "<library_controllers><controller id=\"c\"><skin source=\"#g\">"
+                                 "<bind_shape_matrix>" +
+                                     matrix +
+                                     "</bind_shape_matrix></skin></controller>"
+                                     "</library_controllers><library_visual_scenes>"}});
+  };
+  EXPECT_EQ(RefusalOf("link.dae", skinned("1 0 0 0 0 1 0 0 0 0 1.0 0 0 0 0 1")), "");
+  EXPECT_THAT(RefusalOf("link.dae", skinned("1 0 0 0.3 0 1 0 0 0 0 1 0 0 0 0 1")),
+              HasSubstr("link.dae' is placed by the bind_shape_matrix of a skin"));
 }
 
 TEST(RobotModel, MeshThatGitLfsHasNotFetchedIsNamedWithTheMend) {

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/robot/drawn_cell.h"
 #include "tests/calib/robot/drawing/random_robots.h"
 #include "tests/random.h"
 
@@ -219,6 +220,54 @@ TEST_F(ModelComparisonTest, WhatStandsBeforeTheRobotIsNotTakenForAMissingLink) {
   const ModelComparison found = Found(samples);
   EXPECT_GT(found.views[1].hidden, 0u);
   EXPECT_EQ(found.views[1].uncaptured, 0u);
+}
+
+TEST_F(ModelComparisonTest, FewFrayedMasksOfARightModelVerifyItAndItsGrowthHoldsOthers) {
+  // Camera pixels as coarse as mask pixels: a tenth of the pixels up to 15 mm about the robot.
+  std::vector<RobotPart> parts = Drawn(robot, Views()).parts();
+  for (RobotPart& part : parts) part.radius += 0.015;
+  const DrawnRobot about(ChainOf(robot), parts, Views());
+  const auto frayed = [&](int count) {
+    std::vector<ModelSample> samples = Samples(Drawn(robot, Views()), exact, count);
+    for (ModelSample& sample : samples) {
+      const std::vector<Mask> most = about.Touched(sample.q);
+      for (size_t view = 0; view < most.size(); ++view) {
+        sample.captured[view] =
+            sample.captured[view] | Mask::FromPredicate(most[view].size(), [&](int x, int y) {
+              return most[view].at(x, y) && Uniform(random, 0, 1) < 0.1;
+            });
+      }
+    }
+    return samples;
+  };
+  const std::vector<ModelSample> others = frayed(100);
+  for (int i = 0; i < 4; ++i) {
+    const ModelComparison found = Found(frayed(30));
+    EXPECT_THAT(found.faults, IsEmpty());
+    EXPECT_GT(found.further, 0);
+    EXPECT_GT(found.enough, 30u);
+    EXPECT_LE(found.further, kMostFurther + settings.growth_step);
+    const DrawnRobot grown = *Grown(WithTolerance(Drawn(robot, Views())), found.LinkGrowth());
+    int lacking = 0;
+    for (const ModelSample& sample : others) {
+      const std::vector<Mask> drawn = grown.Touched(sample.q);
+      for (size_t view = 0; view < drawn.size(); ++view) {
+        lacking += !(sample.captured[view] - drawn[view]).Empty();
+      }
+    }
+    EXPECT_LE(lacking, settings.most_held_out * 4 * 100);
+  }
+}
+
+TEST_F(ModelComparisonTest, WhatFewConfigurationsShowIsRefusedWithHowManyMayDo) {
+  const DrawnRobot swung = Drawn(WithCable(0.14), Views());
+  std::vector<ModelSample> samples = Samples(Drawn(robot, Views()), exact);
+  for (const size_t i : {3, 17}) samples[i].captured = swung.Touched(samples[i].q);
+  const ModelComparison found = Found(samples);
+  EXPECT_EQ(found.further, 0);
+  EXPECT_GE(found.enough, 2 * samples.size());
+  EXPECT_THAT(found.faults, Contains(HasSubstr("30 configurations are too few, " +
+                                               std::to_string(found.enough) + " may do")));
 }
 
 TEST_F(ModelComparisonTest, TooFewConfigurationsAreRefused) {

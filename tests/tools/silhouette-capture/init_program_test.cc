@@ -16,6 +16,7 @@ namespace {
 using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 
 class NewCell : public testing::Test {
  protected:
@@ -117,6 +118,32 @@ TEST_F(NewCell, CheckNamesLinksThatAlwaysTouchByTheModel) {
                     HasSubstr("ok     links: by the model these links touch"),
                     HasSubstr("--not-checked 'z axis' 'bridge'")));
   EXPECT_THAT(check(""), HasSubstr("FAULT  robot images: the robot 'r' has no visual"));
+}
+
+TEST_F(NewCell, CheckNamesLimitsInDegreesAndALinkBeyondTheWorkspace) {
+  const auto check = [&](const std::string& limits) {
+    std::filesystem::remove(cell_.cell());
+    const std::string urdf = cell_ / "turn.urdf";
+    WriteText(urdf,
+              "<robot name='r'><link name='base'/><link name='arm'><visual><geometry>"
+              "<box size='1 1 1'/></geometry></visual></link>"
+              "<joint name='turn' type='revolute'><parent link='base'/><child link='arm'/>"
+              "<limit " +
+                  limits + "/></joint></robot>");
+    EXPECT_EQ(Init({"--images", "drawn", "--view", "top=/dev/video0"}, urdf).exit_code, 0);
+    WriteText(cell_.cell(),
+              ReadText(cell_.cell()) + "\nworkspace: {lower: [-2, -2, 0], upper: [2, 2, 2]}\n");
+    return cell_.Run(cell_.Arguments("check")).out;
+  };
+  EXPECT_THAT(check("lower='-180' upper='180'"),
+              AllOf(HasSubstr("FAULT  joint turn: its limits, -180 to 180, are 57 turns"),
+                    HasSubstr("{name: turn, lower: -180 deg, upper: 180 deg}")));
+  // Of a joint that turns often, and of one that turns twice.
+  EXPECT_THAT(check("lower='-18.85' upper='18.85'"), HasSubstr("ok     joint turn: its limits"));
+  EXPECT_THAT(check("lower='-12.566' upper='12.566'"), Not(HasSubstr("joint turn")));
+  EXPECT_THAT(check("lower='-1' upper='1'"),
+              AllOf(HasSubstr("FAULT  links: 'arm' is beyond the lower face of 'workspace'"),
+                    HasSubstr("correct 'workspace' in the cell file")));
 }
 
 TEST_F(NewCell, AFileThatIsThereIsKept) {

@@ -113,6 +113,16 @@ TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   EXPECT_TRUE(IsVerified());
 }
 
+TEST_F(VerifyModelProgram, TooSmallASampleIsRefusedWithTheCommandOfALargerOne) {
+  MakeDrawn();
+  const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "10"});
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("10 configurations are too few to compare"));
+  EXPECT_THAT(outcome.err, HasSubstr("a larger sample: silhouette-capture verify-model --cell " +
+                                     (cell_ / "drawn.yaml") + " --database " +
+                                     (cell_ / "drawn.lmdb") + " --sample "));
+}
+
 TEST_F(VerifyModelProgram, WhatIsMissingIsNamedWithItsMend) {
   const auto mistake = [&](const std::string& cell, const std::vector<std::string>& more) {
     const Outcome outcome = Run("verify-model", cell, "drawn.lmdb", more);
