@@ -3,9 +3,49 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <map>
+#include <vector>
 
 namespace silhouette {
+namespace {
+
+using Rows = SolvedResiduals::Rows;
+
+Rows RowsOf(const Rows& all, const std::vector<int>& rows) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (size_t i = 0; i < rows.size(); ++i) {
+    for (Rows::InnerIterator entry(all, rows[i]); entry; ++entry) {
+      entries.emplace_back(static_cast<int>(i), entry.col(), entry.value());
+    }
+  }
+  Rows some(std::ssize(rows), all.cols());
+  some.setFromTriplets(entries.begin(), entries.end());
+  return some;
+}
+
+// Leaves out the columns without an entry; returns which were kept.
+std::vector<int> GatherColumns(Rows& matrix) {
+  std::map<int, int> places;
+  std::vector<Eigen::Triplet<double>> entries;
+  for (int row = 0; row < matrix.rows(); ++row) {
+    for (Rows::InnerIterator entry(matrix, row); entry; ++entry) places[entry.col()] = 0;
+  }
+  std::vector<int> kept;
+  for (auto& [column, place] : places) {
+    place = static_cast<int>(kept.size());
+    kept.push_back(column);
+  }
+  for (int row = 0; row < matrix.rows(); ++row) {
+    for (Rows::InnerIterator entry(matrix, row); entry; ++entry) {
+      entries.emplace_back(row, places[entry.col()], entry.value());
+    }
+  }
+  matrix.resize(matrix.rows(), std::ssize(kept));
+  matrix.setFromTriplets(entries.begin(), entries.end());
+  return kept;
+}
+
+}  // namespace
 
 std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int height) {
   const double x = std::clamp((pixel.x() + 0.5) / width, 0.0, 1.0) * (kFieldColumns - 1);
@@ -36,23 +76,24 @@ std::optional<FoundField> FindCommonField(const SolvedResiduals& solved) {
   double own_squares = 0;
   double followed = 0;
   for (size_t c = 0; c < solved.clusters.size(); ++c) {
-    const std::vector<int>& rows = solved.clusters[c];
-    Eigen::MatrixXd w(std::ssize(rows), shifts);
-    Eigen::VectorXd r(std::ssize(rows));
-    Eigen::MatrixXd by_state = Eigen::MatrixXd::Zero(solved.by_state.cols(), shifts);
-    for (Eigen::Index i = 0; i < std::ssize(rows); ++i) {
-      const int row = rows[static_cast<size_t>(i)];
-      r[i] = solved.residuals[row];
-      w.row(i) = -solved.by_state.row(row) * found.motion;
-      for (SolvedResiduals::Rows::InnerIterator entry(solved.by_field, row); entry; ++entry) {
-        w(i, entry.col()) += entry.value();
-      }
-      for (SolvedResiduals::Rows::InnerIterator entry(solved.by_state, row); entry; ++entry) {
-        by_state.row(entry.col()) += entry.value() * w.row(i);
-      }
+    // Of the cluster's few states: J'F, J'J, J'r, and their motion.
+    Rows state = RowsOf(solved.by_state, solved.clusters[c]);
+    const Rows field = RowsOf(solved.by_field, solved.clusters[c]);
+    Eigen::VectorXd r(state.rows());
+    for (Eigen::Index i = 0; i < r.size(); ++i) {
+      r[i] = solved.residuals[solved.clusters[c][static_cast<size_t>(i)]];
     }
-    const Eigen::VectorXd own = w.transpose() * r;
-    const Eigen::MatrixXd of_own = w.transpose() * w;
+    const std::vector<int> states = GatherColumns(state);
+    const Eigen::MatrixXd motion = found.motion(states, Eigen::all);
+    const Eigen::MatrixXd by_field = state.transpose() * field;
+    const Eigen::MatrixXd followed_by = Eigen::MatrixXd(state.transpose() * state) * motion;
+    const Eigen::MatrixXd half = motion.transpose() * (by_field - followed_by / 2);
+    const Eigen::MatrixXd of_own =
+        Eigen::MatrixXd(field.transpose() * field) - half - half.transpose();
+    const Eigen::VectorXd own =
+        field.transpose() * r - motion.transpose() * (state.transpose() * r);
+    Eigen::MatrixXd by_state = Eigen::MatrixXd::Zero(solved.by_state.cols(), shifts);
+    by_state(states, Eigen::all) = by_field - followed_by;
     pull += own;
     products += own * own.transpose();
     squares += of_own;
@@ -64,7 +105,6 @@ std::optional<FoundField> FindCommonField(const SolvedResiduals& solved) {
   const double excess = pull.squaredNorm() - own_pull - solved.variance * followed;
   const double chance = std::sqrt(std::max(0.0, 2 * (products.squaredNorm() - own_products)));
   const double expected = squares.squaredNorm() - own_squares;
-  fprintf(stderr, "FIELD z %.2f sigma %.4f noise %.4f\n", excess / chance, std::sqrt(std::max(0.0,excess / expected)), solved.variance);
   if (!(expected > 0) || !(excess > kChance * chance)) return std::nullopt;
   found.sigma = std::sqrt(excess / expected);
   return found;

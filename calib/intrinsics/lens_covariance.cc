@@ -140,13 +140,13 @@ std::optional<FoundField> FieldOf(const LensProblem& problem, const NormalEquati
     }
     return x.cast<double>();
   };
-  const auto trace = [&](size_t i, const Eigen::MatrixXd& given) {
-    const LongMatrix x = given.cast<long double>();
-    const LongMatrix board = of_board(i, x);
-    const LongMatrix rest = x.topRows(shared) - n.mixed[i] * board;
-    return static_cast<double>(
-        rest.cwiseProduct(inverse * rest).sum() +
-        board.cwiseProduct(x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i))).sum());
+  const Eigen::MatrixXd covariance = inverse.cast<double>();
+  const auto trace = [&](size_t i, const Eigen::MatrixXd& x) {
+    const Eigen::MatrixXd own = x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
+    const LongMatrix board = n.board[i].ldlt().solve(LongMatrix(own.cast<long double>()));
+    const Eigen::MatrixXd rest = x.topRows(shared) - LongMatrix(n.mixed[i] * board).cast<double>();
+    return rest.cwiseProduct(covariance * rest).sum() +
+           own.cwiseProduct(board.cast<double>()).sum();
   };
   return FindCommonField({.by_state = n.jacobian,
                           .by_field = ByField(problem),
@@ -211,7 +211,6 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   result.chi_squared = n.squares / freedom;
   ASSIGN_OR_RETURN(result.common_errors, CommonErrors(n, inverse, result.chi_squared));
   const double variance = result.chi_squared * result.common_errors;
-  fprintf(stderr, "LENSFACTOR %.3f\n", result.common_errors);
   result.covariance *= variance;
   result.places = n.places;
   result.image_sizes = problem.image_sizes;

@@ -347,9 +347,9 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
         const int state = jacobian.rows[static_cast<size_t>(p)];
         const bool board = state >= first_board && state < first_board + board_states;
         const int after = state < first_board ? state : state - board_states;
-        entries.emplace_back(row, board ? shared + state - first_board : after,
-                             jacobian.values[static_cast<size_t>(p)] /
-                                 jacobian.scale[static_cast<size_t>(state)]);
+        entries.emplace_back(
+            row, board ? shared + state - first_board : after,
+            jacobian.values[static_cast<size_t>(p)] / jacobian.scale[static_cast<size_t>(state)]);
       }
     }
     AddRow(jacobian, row, first_board, n);

@@ -156,7 +156,8 @@ absl::Status EnlargeByCommonErrors(Bundle& bundle) {
       "with the flange turned about other axes");
   std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
   if (!derivatives) return unknown;
-  Normals normals{.derivatives = *std::move(derivatives), .scale{}, .jacobian{}, .solver{}, .clusters{}};
+  Normals normals{
+      .derivatives = *std::move(derivatives), .scale{}, .jacobian{}, .solver{}, .clusters{}};
   const auto& jacobian = normals.derivatives.jacobian;
   normals.scale.resize(jacobian.cols());
   for (int i = 0; i < jacobian.cols(); ++i) normals.scale[i] = 1 / jacobian.col(i).norm();
@@ -168,7 +169,6 @@ absl::Status EnlargeByCommonErrors(Bundle& bundle) {
   const std::optional<double> found = CommonErrors(bundle, normals);
   if (!found) return unknown;
   const double factor = *found > kExcess ? *found : 1;
-  fprintf(stderr, "POSEFACTOR %.3f\n", *found);
   const std::optional<Eigen::MatrixXd> by_field = MotionByField(bundle, normals, factor);
   for (const BundleBlock& block : normals.derivatives.blocks) {
     const auto moved = by_field ? Eigen::MatrixXd(by_field->middleRows(block.column, block.width()))
