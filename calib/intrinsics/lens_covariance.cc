@@ -4,8 +4,11 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/common_field.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -64,7 +67,8 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
 // LensCovariance::common_errors: how far the placings, each by itself, pull the shared state apart,
 // against how far independent errors of their corners would. `inverse`: of the normal equations
 // without the boards. `chi_squared`: of the solve, per degree of freedom.
-double CommonErrors(const NormalEquations& n, const LongMatrix& inverse, double chi_squared) {
+absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& inverse,
+                                    double chi_squared) {
   constexpr double kExcess = 1.3;  // less is chance
   long double found = 0;
   long double expected = 0;
@@ -76,8 +80,101 @@ double CommonErrors(const NormalEquations& n, const LongMatrix& inverse, double 
     // The solution has followed each placing by its share.
     expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
   }
+  // Residuals that are nothing but rounding have no errors in common.
+  if (found == 0) return 1;
   const auto factor = static_cast<double>(found / (chi_squared * expected));
-  return factor > kExcess && std::isfinite(factor) ? factor : 1;
+  if (!(expected > 0) || !std::isfinite(factor)) return Undetermined();
+  return factor > kExcess ? factor : 1;
+}
+
+// The derivatives of the corners by the shifts of the cameras' CommonField.
+SolvedResiduals::Rows ByField(const LensProblem& problem) {
+  std::vector<Eigen::Triplet<double>> entries;
+  for (size_t i = 0; i < problem.corners.size(); ++i) {
+    const Eigen::Vector3d& corner = problem.corners[i];
+    if (!(corner.z() > 0)) continue;
+    const int camera = problem.observations[i / problem.CornersPerBoard()].camera;
+    const auto& [width, height] = problem.image_sizes[static_cast<size_t>(camera)];
+    const auto row = static_cast<int>(2 * i);
+    for (const KnotShare& knot : KnotsAt(corner.head<2>(), width, height)) {
+      const int column = 2 * (camera * kFieldKnots + knot.knot);
+      entries.emplace_back(row, column, knot.share * corner.z());
+      entries.emplace_back(row + 1, column + 1, knot.share * corner.z());
+    }
+  }
+  SolvedResiduals::Rows field(2 * std::ssize(problem.corners),
+                              2 * kFieldKnots * std::ssize(problem.image_sizes));
+  field.setFromTriplets(entries.begin(), entries.end());
+  return field;
+}
+
+// The rows of the corners of each placing.
+std::vector<std::vector<int>> RowsOfPlacings(const LensProblem& problem) {
+  std::vector<std::vector<int>> rows(problem.reference_from_board.size());
+  for (size_t i = 0; i < problem.corners.size(); ++i) {
+    if (!(problem.corners[i].z() > 0)) continue;
+    const auto board =
+        static_cast<size_t>(problem.observations[i / problem.CornersPerBoard()].board);
+    rows[board].insert(rows[board].end(), {static_cast<int>(2 * i), static_cast<int>(2 * i + 1)});
+  }
+  return rows;
+}
+
+// `inverse`: of the normal equations without the boards.
+std::optional<FoundField> FieldOf(const LensProblem& problem, const NormalEquations& n,
+                                  const LongMatrix& inverse, double variance) {
+  const Eigen::Index shared = inverse.rows();
+  // What X has in the rows of a placing; with it the boards' poses are eliminated.
+  const auto of_board = [&](size_t i, const LongMatrix& x) -> LongMatrix {
+    return n.board[i].ldlt().solve(
+        LongMatrix(x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i))));
+  };
+  const auto times = [&](const Eigen::MatrixXd& given) -> Eigen::MatrixXd {
+    LongMatrix x = given.cast<long double>();
+    for (size_t i = 0; i < n.board.size(); ++i) x.topRows(shared) -= n.mixed[i] * of_board(i, x);
+    x.topRows(shared) = (inverse * x.topRows(shared)).eval();
+    for (size_t i = 0; i < n.board.size(); ++i) {
+      auto rows = x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
+      rows -= n.mixed[i].transpose() * x.topRows(shared);
+      rows = of_board(i, x);
+    }
+    return x.cast<double>();
+  };
+  const Eigen::MatrixXd covariance = inverse.cast<double>();
+  const auto trace = [&](size_t i, const Eigen::MatrixXd& x) {
+    const Eigen::MatrixXd own = x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
+    const LongMatrix board = n.board[i].ldlt().solve(LongMatrix(own.cast<long double>()));
+    const Eigen::MatrixXd rest = x.topRows(shared) - LongMatrix(n.mixed[i] * board).cast<double>();
+    return rest.cwiseProduct(covariance * rest).sum() +
+           own.cwiseProduct(board.cast<double>()).sum();
+  };
+  return FindCommonField({.by_state = n.jacobian,
+                          .by_field = ByField(problem),
+                          .residuals = n.residuals,
+                          .variance = variance,
+                          .clusters = RowsOfPlacings(problem),
+                          .covariance_times = times,
+                          .trace = trace});
+}
+
+// Adds what the field does to the state, and the field.
+void AddField(const FoundField& field, const std::vector<Matrix6>& motion, LensCovariance& result) {
+  const Eigen::Index before = result.covariance.rows();
+  const Eigen::Index shared = before - 6;
+  const Eigen::Index shifts = field.motion.cols();
+  Eigen::MatrixXd root = Eigen::MatrixXd::Zero(before + shifts, shifts);
+  root.topRows(shared) = field.motion.topRows(shared);
+  for (size_t i = 0; i < motion.size(); ++i) {
+    root.middleRows<6>(shared) +=
+        motion[i] * field.motion.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
+  }
+  root.bottomRows(shifts).setIdentity();
+  root *= field.sigma;
+  Eigen::MatrixXd covariance = root * root.transpose();
+  covariance.topLeftCorner(before, before) += result.covariance;
+  result.covariance = std::move(covariance);
+  result.places.field = static_cast<int>(before);
+  result.field_sigma = field.sigma;
 }
 
 }  // namespace
@@ -112,10 +209,13 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   const int freedom = n.measurements - n.states;
   if (freedom <= 0) return undetermined;
   result.chi_squared = n.squares / freedom;
-  result.common_errors = CommonErrors(n, inverse, result.chi_squared);
-  result.covariance *= result.chi_squared * result.common_errors;
-  if (!result.covariance.allFinite()) return undetermined;
+  ASSIGN_OR_RETURN(result.common_errors, CommonErrors(n, inverse, result.chi_squared));
+  const double variance = result.chi_squared * result.common_errors;
+  result.covariance *= variance;
   result.places = n.places;
+  result.image_sizes = problem.image_sizes;
+  if (const auto field = FieldOf(problem, n, inverse, variance)) AddField(*field, motion, result);
+  if (!result.covariance.allFinite()) return undetermined;
   return result;
 }
 
@@ -124,9 +224,8 @@ std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
     const std::vector<double>& intrinsics, const Eigen::Isometry3d& camera_from_reference,
     const Eigen::Vector3d& point) {
   LensDerivatives lens;
-  if (!ProjectByLens(lens_model, intrinsics, camera_from_reference * point, &lens)) {
-    return std::nullopt;
-  }
+  const auto pixel = ProjectByLens(lens_model, intrinsics, camera_from_reference * point, &lens);
+  if (!pixel) return std::nullopt;
   const Eigen::Index states = covariance.covariance.rows();
   Eigen::Matrix<double, 2, Eigen::Dynamic> derivative =
       Eigen::Matrix<double, 2, Eigen::Dynamic>::Zero(2, states);
@@ -138,8 +237,16 @@ std::optional<Eigen::Matrix<double, 2, Eigen::Dynamic>> DerivativeOfProjection(
   if (const int at = places.pose[camera]; at >= 0) {
     derivative.middleCols(at, 6) = lens.by_point * DerivativeByPose(camera_from_reference, point);
   }
-  derivative.rightCols(6) =
+  const Eigen::Index motion = places.field >= 0 ? places.field - 6 : states - 6;
+  derivative.middleCols<6>(motion) =
       lens.by_point * camera_from_reference.linear() * DerivativeByMotion(point);
+  if (places.field >= 0) {
+    const auto& [width, height] = covariance.image_sizes[camera];
+    const Eigen::Index first = places.field + 2 * kFieldKnots * static_cast<Eigen::Index>(camera);
+    for (const KnotShare& knot : KnotsAt(*pixel, width, height)) {
+      derivative.middleCols<2>(first + 2 * knot.knot) -= knot.share * Eigen::Matrix2d::Identity();
+    }
+  }
   return derivative;
 }
 

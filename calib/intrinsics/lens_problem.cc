@@ -335,14 +335,27 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
   n.board_pull.assign(a.boards.size(), Eigen::Matrix<long double, 6, 1>::Zero());
 
   const auto corner_values = 2 * problem.corners.size();
+  n.residuals = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(corner_values));
+  std::vector<Eigen::Triplet<double>> entries;
   for (size_t row = 0; row < jacobian.x.size(); ++row) {
     if (row < corner_values && !(problem.corners[row / 2].z() > 0)) continue;
     if (row < corner_values) {
       ++n.measurements;
       n.squares += jacobian.x[row] * jacobian.x[row];
+      n.residuals[static_cast<Eigen::Index>(row)] = jacobian.x[row];
+      for (int p = jacobian.starts[row]; p < jacobian.starts[row + 1]; ++p) {
+        const int state = jacobian.rows[static_cast<size_t>(p)];
+        const bool board = state >= first_board && state < first_board + board_states;
+        const int after = state < first_board ? state : state - board_states;
+        entries.emplace_back(
+            row, board ? shared + state - first_board : after,
+            jacobian.values[static_cast<size_t>(p)] / jacobian.scale[static_cast<size_t>(state)]);
+      }
     }
     AddRow(jacobian, row, first_board, n);
   }
+  n.jacobian.resize(n.residuals.size(), n.states);
+  n.jacobian.setFromTriplets(entries.begin(), entries.end());
   return n;
 }
 

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <Eigen/SparseCore>
 #include <array>
 #include <optional>
 #include <string>
@@ -102,6 +103,7 @@ struct StatePlaces {
   int first_intrinsic = 0;      // which of the lens's parameters stands there
   int free_intrinsics = 0;      // and how many follow, with it
   std::vector<int> pose;        // of each camera: rotation vector, translation
+  int field = -1;  // where the shifts of the first camera's CommonField begin; -1: none
 };
 
 // The derivatives of all weighted residuals by the state that a solve may change, summed up as the
@@ -120,6 +122,10 @@ struct NormalEquations {
   int measurements = 0;  // residuals that count, two of a corner
   int states = 0;
   double squares = 0;  // sum of the squared weighted residuals
+  // The weighted residuals, two of each of LensProblem::corners, and their derivatives; 0 of those
+  // that do not count.
+  Eigen::VectorXd residuals;
+  Eigen::SparseMatrix<double, Eigen::RowMajor> jacobian;
 };
 absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
                                                   const FreeParts& free);
@@ -128,7 +134,9 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
 
 // The covariance of the shared part of the state (NormalEquations), followed by six more: by which
 // small motion (rotation vector, translation) the boards, all together, stand elsewhere than they
-// did in truth. Points of a workspace are fixed to the boards, so they are moved by it.
+// did in truth. Points of a workspace are fixed to the boards, so they are moved by it. Then, if
+// all images of a camera share errors as its lens model lacks a term, the shifts of its
+// CommonField.
 struct LensCovariance {
   Eigen::MatrixXd covariance;
   StatePlaces places;
@@ -136,6 +144,8 @@ struct LensCovariance {
   // By how much the covariance is larger than errors would make it that are independent from corner
   // to corner: a placing's corners have errors in common by blur, time, print and lens. 1: not.
   double common_errors = 1;
+  double field_sigma = 0;                       // pixels, of a shift of the cameras' CommonField
+  std::vector<std::array<int, 2>> image_sizes;  // of the cameras
 };
 
 // For the optimum that `problem` holds, whose weights are 1 / standard deviation up to a common

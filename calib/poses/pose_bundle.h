@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 
@@ -106,8 +107,9 @@ BundleStatistics FindCovariances(Bundle& bundle);
 
 // After FindCovariances: enlarges covariances and size sigmas where frames, each by itself, pull
 // the cameras farther apart than independent errors of their corners would: a frame's corners have
-// errors in common by blur, time, print and lens.
-void EnlargeByCommonErrors(Bundle& bundle);
+// errors in common by blur, time, print and lens. Adds what errors do that all images of a camera
+// share (CommonField). FailedPrecondition: how large these errors are cannot be found.
+absl::Status EnlargeByCommonErrors(Bundle& bundle);
 
 // The derivatives of a bundle's residuals, for its statistics.
 

@@ -8,7 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "calib/camera/common_field.h"
 #include "calib/poses/pose_bundle.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -50,33 +53,34 @@ std::vector<std::vector<int>> Clusters(Bundle& bundle, const BundleJacobian& der
   return clusters;
 }
 
-// How many times larger the variance of the cameras' poses is than by independent errors; 1 if that
-// is not known.
-double CommonErrors(Bundle& bundle) {
-  const std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
-  if (!derivatives) return 1;
-  RowMajor jacobian = derivatives->jacobian;
-  Eigen::VectorXd scale(jacobian.cols());
-  for (int i = 0; i < jacobian.cols(); ++i) scale[i] = 1 / derivatives->jacobian.col(i).norm();
-  jacobian = jacobian * scale.asDiagonal();
-  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(
-      Eigen::SparseMatrix<double>(jacobian.transpose() * jacobian));
-  if (solver.info() != Eigen::Success) return 1;
+// The normal equations of a bundle at its minimum, with their diagonal scaled to one.
+struct Normals {
+  BundleJacobian derivatives;
+  Eigen::VectorXd scale;
+  RowMajor jacobian;
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver;
+  std::vector<std::vector<int>> clusters;
+};
+
+// How many times larger the variance of the cameras' poses is than by independent errors; nothing
+// if that cannot be found.
+std::optional<double> CommonErrors(const Bundle& bundle, const Normals& normals) {
   // Of the state on each camera's pose, that in directions of variance 1. Not of all cameras
   // together: how they stand to each other is known far better than where they stand.
   std::vector<Eigen::MatrixXd> of_cameras;
-  for (const BundleBlock& block : derivatives->blocks) {
+  const RowMajor& jacobian = normals.jacobian;
+  for (const BundleBlock& block : normals.derivatives.blocks) {
     const bool camera = std::ranges::any_of(
         bundle.cameras, [&](const BundlePose& pose) { return &pose == block.pose; });
     if (!camera) continue;
     Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.cols(), 6);
     unit.middleRows<6>(block.column).setIdentity();
-    const Eigen::MatrixXd solved = solver.solve(unit);
+    const Eigen::MatrixXd solved = normals.solver.solve(unit);
     const Eigen::LLT<Eigen::MatrixXd> covariance(solved.middleRows<6>(block.column));
-    if (covariance.info() != Eigen::Success) return 1;
+    if (covariance.info() != Eigen::Success) return std::nullopt;
     of_cameras.emplace_back(covariance.matrixL().solve(solved.transpose()).transpose());
   }
-  if (of_cameras.empty()) return 1;
+  if (of_cameras.empty()) return std::nullopt;
   Eigen::MatrixXd influence(jacobian.cols(), 6 * std::ssize(of_cameras));
   for (size_t i = 0; i < of_cameras.size(); ++i) {
     influence.middleCols<6>(static_cast<Eigen::Index>(6 * i)) = of_cameras[i];
@@ -84,12 +88,12 @@ double CommonErrors(Bundle& bundle) {
 
   double found = 0;
   double expected = 0;
-  for (const std::vector<int>& rows : Clusters(bundle, *derivatives, jacobian)) {
+  for (const std::vector<int>& rows : normals.clusters) {
     Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(jacobian.cols(), influence.cols());
     Eigen::VectorXd pull = Eigen::VectorXd::Zero(influence.cols());
     for (const int row : rows) {
       const Eigen::RowVectorXd by_row = jacobian.row(row) * influence;
-      pull += by_row.transpose() * derivatives->residuals[static_cast<size_t>(row)];
+      pull += by_row.transpose() * normals.derivatives.residuals[static_cast<size_t>(row)];
       expected += by_row.squaredNorm();
       for (RowMajor::InnerIterator entry(jacobian, row); entry; ++entry) {
         squares.row(entry.col()) += entry.value() * by_row;
@@ -97,21 +101,87 @@ double CommonErrors(Bundle& bundle) {
     }
     found += pull.squaredNorm();
     // The solution has followed each cluster by its share.
-    expected -= squares.cwiseProduct(solver.solve(squares)).sum();
+    expected -= squares.cwiseProduct(normals.solver.solve(squares)).sum();
   }
-  return expected > 0 ? found / expected : 1;
+  const double factor = found / expected;
+  if (!(expected > 0) || !std::isfinite(factor)) return std::nullopt;
+  return factor;
+}
+
+// The derivatives of the rows' residuals by the shifts of the cameras' CommonField.
+RowMajor ByField(const Bundle& bundle, Eigen::Index rows) {
+  std::vector<Eigen::Triplet<double>> entries;
+  int row = 0;
+  for (const BundleCorner& corner : bundle.corners) {
+    if (!corner.used) continue;
+    const CameraIntrinsics& lens = bundle.lenses[corner.camera];
+    for (const KnotShare& knot : KnotsAt(corner.pixel, lens.width, lens.height)) {
+      const int column = 2 * (corner.camera * kFieldKnots + knot.knot);
+      entries.emplace_back(row, column, knot.share / corner.sigma);
+      entries.emplace_back(row + 1, column + 1, knot.share / corner.sigma);
+    }
+    row += 2;
+  }
+  RowMajor field(rows, 2 * kFieldKnots * std::ssize(bundle.cameras));
+  field.setFromTriplets(entries.begin(), entries.end());
+  return field;
+}
+
+// How the state moves with the errors that all images of a camera share, in their standard
+// deviations; nothing if there are none.
+std::optional<Eigen::MatrixXd> MotionByField(const Bundle& bundle, const Normals& normals,
+                                             double common_errors) {
+  const std::vector<double>& residuals = normals.derivatives.residuals;
+  const auto times = [&](const Eigen::MatrixXd& x) -> Eigen::MatrixXd {
+    return normals.solver.solve(x);
+  };
+  const auto found = FindCommonField(
+      {.by_state = normals.jacobian,
+       .by_field = ByField(bundle, normals.jacobian.rows()),
+       .residuals = Eigen::Map<const Eigen::VectorXd>(residuals.data(), std::ssize(residuals)),
+       .variance = common_errors,
+       .clusters = normals.clusters,
+       .covariance_times = times,
+       .trace = [&](size_t, const Eigen::MatrixXd& x) { return x.cwiseProduct(times(x)).sum(); }});
+  if (!found) return std::nullopt;
+  return found->sigma * normals.scale.asDiagonal() * found->motion;
 }
 
 }  // namespace
 
-void EnlargeByCommonErrors(Bundle& bundle) {
+absl::Status EnlargeByCommonErrors(Bundle& bundle) {
   constexpr double kExcess = 1.3;  // less is chance
-  const double factor = CommonErrors(bundle);
-  if (!(factor > kExcess) || !std::isfinite(factor)) return;
-  for (auto* poses : {&bundle.cameras, &bundle.flanges, &bundle.board_poses}) {
-    for (BundlePose& pose : *poses) pose.covariance *= factor;
+  const absl::Status unknown = FailedPrecondition(
+      "how uncertain the poses are cannot be found, as the data hardly determine them; add frames "
+      "with the flange turned about other axes");
+  std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
+  if (!derivatives) return unknown;
+  Normals normals{
+      .derivatives = *std::move(derivatives), .scale{}, .jacobian{}, .solver{}, .clusters{}};
+  const auto& jacobian = normals.derivatives.jacobian;
+  normals.scale.resize(jacobian.cols());
+  for (int i = 0; i < jacobian.cols(); ++i) normals.scale[i] = 1 / jacobian.col(i).norm();
+  normals.jacobian = jacobian * normals.scale.asDiagonal();
+  normals.solver.compute(
+      Eigen::SparseMatrix<double>(normals.jacobian.transpose() * normals.jacobian));
+  if (normals.solver.info() != Eigen::Success) return unknown;
+  normals.clusters = Clusters(bundle, normals.derivatives, normals.jacobian);
+  const std::optional<double> found = CommonErrors(bundle, normals);
+  if (!found) return unknown;
+  const double factor = *found > kExcess ? *found : 1;
+  const std::optional<Eigen::MatrixXd> by_field = MotionByField(bundle, normals, factor);
+  for (const BundleBlock& block : normals.derivatives.blocks) {
+    const auto moved = by_field ? Eigen::MatrixXd(by_field->middleRows(block.column, block.width()))
+                                : Eigen::MatrixXd::Zero(block.width(), 1);
+    const Eigen::MatrixXd added = moved * moved.transpose();
+    if (block.pose) {
+      block.pose->covariance = factor * block.pose->covariance + added;
+    } else {
+      double& sigma = bundle.size_sigmas[static_cast<size_t>(block.size)];
+      sigma = std::sqrt(factor * sigma * sigma + added(0, 0));
+    }
   }
-  for (double& sigma : bundle.size_sigmas) sigma *= std::sqrt(factor);
+  return absl::OkStatus();
 }
 
 }  // namespace silhouette

@@ -207,6 +207,11 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
 
 namespace {
 
+// From here on, off by this share, a size is refused where nothing is to be trusted.
+constexpr double kRefusedSize = 0.01;
+constexpr char kMendOfSize[] =
+    "; --trust-size found takes them so, --trust-size stated keeps the description's";
+
 // Sizes of boards that the bundle found beside those stated.
 struct OtherSize {
   size_t board = 0;
@@ -257,7 +262,6 @@ std::string TextOfSizes(const PoseFit& fit, const std::vector<OtherSize>& others
 }  // namespace
 
 absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
-  constexpr double kRefusedSize = 0.01;
   // The other answer: with the sizes found, or with those stated.
   Bundle other = fit.bundle;
   other.free_sizes = !fit.bundle.free_sizes;
@@ -274,13 +278,27 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   if (trust == SizeTrust::kFound) {
     text += ", as they are here (--trust-size found)";
   } else if (refused && trust == SizeTrust::kNeither) {
-    return FailedPrecondition(
-        text, "; --trust-size found takes them so, --trust-size stated keeps the description's");
+    return FailedPrecondition(text, kMendOfSize);
   } else if (trust == SizeTrust::kNeither) {
     text += ", as they are here; --trust-size stated keeps the description's";
     fit.bundle = std::move(other);
   }
   fit.network.warnings.push_back(std::move(text));
+  return absl::OkStatus();
+}
+
+absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit) {
+  if (trust != SizeTrust::kNeither) return absl::OkStatus();
+  for (size_t i = 0; i < fit.bundle.sizes.size(); ++i) {
+    const double size = fit.bundle.sizes[i];
+    if (std::abs(size - 1) <= kRefusedSize) continue;
+    const BoardDescription& d = fit.network.boards[i].board.description();
+    return FailedPrecondition("by the motion of the robot or the survey the tags of board '",
+                              d.name, "' measure ", SizeText(d, size),
+                              "; measure the print, and see whether the robot's positions are in "
+                              "metres",
+                              kMendOfSize);
+  }
   return absl::OkStatus();
 }
 

@@ -143,7 +143,8 @@ void AddErrorRow(std::string_view what, const char* name, double unit, const Lin
   absl::StrAppendFormat(&text, "%6.2f%s", result.predicted.PerFreedom(),
                         MeetsGoals(result) ? "" : "  MISSED");
   if (result.others_failed > 0) {
-    absl::StrAppendFormat(&text, "  (others failed in %d runs)", result.others_failed);
+    absl::StrAppendFormat(&text, "  (others failed in %d runs: %s)", result.others_failed,
+                          result.others_failure);
   }
   absl::StrAppend(&text, "\n");
 }

@@ -2,6 +2,7 @@
 #include "tools/silhouette-experiments/calibration/against_others.h"
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -11,6 +12,8 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
 #include "calib/boards/vnl_file.h"
 #include "calib/files/camera_file.h"
 #include "common/picture/files.h"
@@ -20,6 +23,14 @@ namespace silhouette::calibration_experiment {
 namespace {
 
 constexpr int kNoProgram = 127;  // exit code of a shell that does not find it
+constexpr int kBySignal = 128;   // plus the signal: of a shell whose program a signal ended
+
+std::string LastLines(const std::string& log) {
+  constexpr std::ptrdiff_t kLines = 3;
+  const std::vector<std::string> lines = absl::StrSplit(log, '\n', absl::SkipWhitespace());
+  const auto first = std::max<std::ptrdiff_t>(0, std::ssize(lines) - kLines);
+  return absl::StrJoin(lines.begin() + first, lines.end(), " | ");
+}
 
 absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& folder,
                                                   std::span<const NamedCamera> truth,
@@ -33,6 +44,13 @@ absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& f
       image.height);
   for (const NamedCamera& camera : truth) absl::StrAppend(&command, " '", camera.view, "/*.png'");
   const int status = std::system(absl::StrCat(command, " > log 2>&1").c_str());
+  // system() ignores these signals while it waits: what stopped the program is to stop this one.
+  if (WIFSIGNALED(status) || (WIFEXITED(status) && WEXITSTATUS(status) > kBySignal)) {
+    const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : WEXITSTATUS(status) - kBySignal;
+    if (signal == SIGINT || signal == SIGQUIT) {
+      return absl::AbortedError("stopped; start it again to have a result");
+    }
+  }
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoProgram) {
     return absl::NotFoundError("there is no program mrcal-calibrate-cameras (package mrcal)");
   }
@@ -40,7 +58,10 @@ absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& f
   for (size_t i = 0; i < truth.size(); ++i) {
     const std::filesystem::path file = folder / absl::StrCat("camera-", i, ".cameramodel");
     if (status != 0 || !std::filesystem::exists(file)) {
-      return absl::InternalError("mrcal-calibrate-cameras failed");
+      const auto log = ReadWholeFile((folder / "log").string());
+      return absl::InternalError(
+          absl::StrCat("mrcal-calibrate-cameras failed (status ", status,
+                       "): ", log.ok() ? LastLines(*log) : "it wrote no log"));
     }
     ASSIGN_OR_RETURN(const auto text, ReadWholeFile(file.string()));
     ASSIGN_OR_RETURN(const auto camera, CameraFromText(text, file.string()));

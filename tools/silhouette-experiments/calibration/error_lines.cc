@@ -206,12 +206,13 @@ absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
   if (others) {
     const auto found = CalibrateByMrcal(rig.cameras, board,
                                         Plain(static_cast<size_t>(board.tags()), frames.sightings));
-    if (absl::IsNotFound(found.status())) return found.status();
+    if (absl::IsNotFound(found.status()) || absl::IsAborted(found.status())) return found.status();
     if (found.ok()) {
       of_others.Add(Align(points, *found, rig).errors.squaredNorm(),
                     static_cast<int>(points.size()));
     } else {
       ++result.others_failed;
+      result.others_failure = std::string(found.status().message());
     }
   }
   AddRun(own, of_others, result);

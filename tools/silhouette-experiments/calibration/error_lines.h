@@ -20,8 +20,9 @@ struct LineResult {
   RootMeanSquare comparable;  // the own error in runs that have that of others
   ChiSquared predicted;       // of the errors, against the predicted uncertainty
   int runs = 0;
-  int others_failed = 0;  // runs in which the other program found nothing
-  std::string refusal;    // the last one's reason
+  int others_failed = 0;       // runs in which the other program found nothing
+  std::string others_failure;  // the last one's reason
+  std::string refusal;         // the last one's reason
   int refused = 0;
 };
 

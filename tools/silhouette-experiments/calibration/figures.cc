@@ -9,7 +9,7 @@ namespace silhouette::calibration_experiment {
 namespace {
 
 // Of the strongest direction's variance.
-constexpr double kLeastVariance = 1e-6;
+constexpr double kLeastVariance = 1e-3;
 
 }  // namespace
 

@@ -68,8 +68,9 @@ class JointErrors {
            const Eigen::Vector2d& error);
 
   // The errors by directions in which they are independent of each other, as `covariance` of the
-  // state has it. Directions that move the pixels by less than a thousandth of what the strongest
-  // does are left out: in them the terms of a rational lens stand for each other.
+  // state has it. Directions that move the pixels by less than a thirtieth of what the strongest
+  // does are left out: in them the terms of a rational lens stand for each other, and errors are
+  // finer than the knots of CommonField.
   ChiSquared Against(const Eigen::MatrixXd& covariance) const;
 
  private:
