@@ -169,28 +169,27 @@ absl::StatusOr<Eigen::Isometry3d> PoseNotation::Pose(std::span<const double> val
 }
 
 absl::Status PoseNotation::CheckUnits(std::span<const std::vector<double>> rows) const {
-  if (rows.empty() || units_stated_) return absl::OkStatus();
+  if (rows.empty() || rotation_ == Rotation::kMatrix) return absl::OkStatus();
   double farthest = 0;
   double widest = 0;
   for (const std::vector<double>& values : rows) {
-    if (rotation_ == Rotation::kMatrix) return absl::OkStatus();
     farthest = std::max(farthest, Vector3d(values[0], values[1], values[2]).norm());
     for (size_t i = 3; i < values.size(); ++i) widest = std::max(widest, std::abs(values[i]));
   }
+  const bool degrees = radians_ != 1;
+  if (has_angles() && !degrees && widest > 2.2 * std::numbers::pi) {
+    return InvalidArgument(absl::StrFormat(
+        "an angle of %.4g rad is more than a turn; if angles are in degrees, state the units so",
+        widest));
+  }
+  if (units_stated_) return absl::OkStatus();
   if (metres_ < 1 && farthest * metres_ < kNearestFlange) {
     return InvalidArgument(absl::StrFormat(
         "the flange is never farther than %.1f mm from the robot's base; if positions are in "
         "metres, state the units",
         1000 * farthest * metres_));
   }
-  if (!has_angles()) return absl::OkStatus();
-  const bool degrees = radians_ != 1;
-  if (!degrees && widest > 2.2 * std::numbers::pi) {
-    return InvalidArgument(absl::StrFormat(
-        "an angle of %.4g rad is more than a turn; if angles are in degrees, state the units",
-        widest));
-  }
-  if (degrees && widest <= std::numbers::pi) {
+  if (has_angles() && degrees && widest <= std::numbers::pi) {
     return InvalidArgument(absl::StrFormat(
         "no angle is greater than %.3g degrees; if angles are in radians, state the units",
         widest));

@@ -40,9 +40,10 @@ class PoseNotation {
   // matrix that is no pose (it is made one), a position that can only be in a smaller unit.
   absl::StatusOr<Eigen::Isometry3d> Pose(std::span<const double> values) const;
 
-  // What speaks for another unit in all poses of a file together: InvalidArgument if no position
-  // is farther than 2 cm from the base, or the angles can only be in degrees, or only in radians
-  // (none is greater than half a turn in them). `rows`: each as for Pose().
+  // What speaks for another unit in all poses of a file together: InvalidArgument if the angles can
+  // only be in degrees; and, unless the units were stated, if no position is farther than 2 cm from
+  // the base, or the angles can only be in radians (none is greater than half a turn in them).
+  // `rows`: each as for Pose().
   absl::Status CheckUnits(std::span<const std::vector<double>> rows) const;
 
  private:

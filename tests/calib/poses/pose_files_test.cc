@@ -130,6 +130,8 @@ TEST(RobotPoseFile, UnitsAreStatedOrRefusedAndNeverGuessed) {
   EXPECT_THAT(mistake("a 400 100 600 1.5 0 0\n", "kuka"), HasSubstr("angles are in radians"));
   EXPECT_EQ(mistake("a 400 100 600 1.5 0 0\n", "kuka", "mm,deg"), "");
   EXPECT_THAT(mistake("a 0.4 0.1 0.6 90 0 0\n", "ur"), HasSubstr("angles are in degrees"));
+  EXPECT_THAT(mistake("a 0.4 0.1 0.6 90 0 0\n", "rpy", "m,rad"),
+              HasSubstr("angles are in degrees"));
   EXPECT_THAT(mistake("a 400 100 600 1.5 0 0\n", "ur"),
               AllOf(HasSubstr("poses:1"), HasSubstr("millimetres")));
   EXPECT_THAT(mistake("a 0 0 1 400 1 0 0 -100 0 2 0 600 0 0 0 1\n", "matrix", "mm"),

@@ -12,7 +12,6 @@
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "calib/boards/vnl_file.h"
 #include "calib/files/camera_file.h"
@@ -25,11 +24,9 @@ namespace {
 constexpr int kNoProgram = 127;  // exit code of a shell that does not find it
 constexpr int kBySignal = 128;   // plus the signal: of a shell whose program a signal ended
 
-std::string LastLines(const std::string& log) {
-  constexpr std::ptrdiff_t kLines = 3;
+std::string LastLine(const std::string& log) {
   const std::vector<std::string> lines = absl::StrSplit(log, '\n', absl::SkipWhitespace());
-  const auto first = std::max<std::ptrdiff_t>(0, std::ssize(lines) - kLines);
-  return absl::StrJoin(lines.begin() + first, lines.end(), " | ");
+  return lines.empty() ? "it wrote nothing" : lines.back();
 }
 
 absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& folder,
@@ -59,9 +56,8 @@ absl::StatusOr<std::vector<CameraModel>> RunMrcal(const std::filesystem::path& f
     const std::filesystem::path file = folder / absl::StrCat("camera-", i, ".cameramodel");
     if (status != 0 || !std::filesystem::exists(file)) {
       const auto log = ReadWholeFile((folder / "log").string());
-      return absl::InternalError(
-          absl::StrCat("mrcal-calibrate-cameras failed (status ", status,
-                       "): ", log.ok() ? LastLines(*log) : "it wrote no log"));
+      return absl::InternalError(absl::StrCat("mrcal-calibrate-cameras failed: ",
+                                              log.ok() ? LastLine(*log) : "it wrote no log"));
     }
     ASSIGN_OR_RETURN(const auto text, ReadWholeFile(file.string()));
     ASSIGN_OR_RETURN(const auto camera, CameraFromText(text, file.string()));
