@@ -70,6 +70,7 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
 absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& inverse,
                                     double chi_squared) {
   constexpr double kExcess = 1.3;  // less is chance
+  constexpr long double kRedundancy = 1e-6L;
   long double found = 0;
   long double expected = 0;
   for (size_t i = 0; i < n.board.size(); ++i) {
@@ -80,10 +81,10 @@ absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& 
     // The solution has followed each placing by its share.
     expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
   }
-  // Residuals that are nothing but rounding have no errors in common.
-  if (found == 0) return 1;
+  // Corners without any error, or placings of which each decides by itself.
+  if (found == 0 || expected < kRedundancy) return 1;
   const auto factor = static_cast<double>(found / (chi_squared * expected));
-  if (!(expected > 0) || !std::isfinite(factor)) return Undetermined();
+  if (!std::isfinite(factor)) return Undetermined();
   return factor > kExcess ? factor : 1;
 }
 
@@ -174,7 +175,6 @@ void AddField(const FoundField& field, const std::vector<Matrix6>& motion, LensC
   covariance.topLeftCorner(before, before) += result.covariance;
   result.covariance = std::move(covariance);
   result.places.field = static_cast<int>(before);
-  result.field_sigma = field.sigma;
 }
 
 }  // namespace

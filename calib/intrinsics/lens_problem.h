@@ -144,7 +144,6 @@ struct LensCovariance {
   // By how much the covariance is larger than errors would make it that are independent from corner
   // to corner: a placing's corners have errors in common by blur, time, print and lens. 1: not.
   double common_errors = 1;
-  double field_sigma = 0;                       // pixels, of a shift of the cameras' CommonField
   std::vector<std::array<int, 2>> image_sizes;  // of the cameras
 };
 

@@ -86,7 +86,9 @@ std::optional<double> CommonErrors(const Bundle& bundle, const Normals& normals)
     influence.middleCols<6>(static_cast<Eigen::Index>(6 * i)) = of_cameras[i];
   }
 
+  constexpr double kRedundancy = 1e-6;  // with less each cluster decides by itself
   double found = 0;
+  double followed = 0;
   double expected = 0;
   for (const std::vector<int>& rows : normals.clusters) {
     Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(jacobian.cols(), influence.cols());
@@ -101,10 +103,11 @@ std::optional<double> CommonErrors(const Bundle& bundle, const Normals& normals)
     }
     found += pull.squaredNorm();
     // The solution has followed each cluster by its share.
-    expected -= squares.cwiseProduct(normals.solver.solve(squares)).sum();
+    followed += squares.cwiseProduct(normals.solver.solve(squares)).sum();
   }
-  const double factor = found / expected;
-  if (!(expected > 0) || !std::isfinite(factor)) return std::nullopt;
+  if (expected - followed < kRedundancy * expected) return 1;
+  const double factor = found / (expected - followed);
+  if (!std::isfinite(factor)) return std::nullopt;
   return factor;
 }
 

@@ -289,12 +289,11 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
 
 absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit) {
   if (trust != SizeTrust::kNeither) return absl::OkStatus();
-  for (size_t i = 0; i < fit.bundle.sizes.size(); ++i) {
-    const double size = fit.bundle.sizes[i];
-    if (std::abs(size - 1) <= kRefusedSize) continue;
-    const BoardDescription& d = fit.network.boards[i].board.description();
+  for (const OtherSize& board : OtherSizes(fit.bundle)) {
+    if (std::abs(board.size - 1) <= kRefusedSize) continue;
+    const BoardDescription& d = fit.network.boards[board.board].board.description();
     return FailedPrecondition("by the motion of the robot or the survey the tags of board '",
-                              d.name, "' measure ", SizeText(d, size),
+                              d.name, "' measure ", SizeText(d, board.size),
                               "; measure the print, and see whether the robot's positions are in "
                               "metres",
                               kMendOfSize);

@@ -59,7 +59,7 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit);
 // a warning, and the fit has the sizes found unless those stated are to be trusted; from 1 % on it
 // is FailedPrecondition if nothing is to be trusted.
 absl::Status CheckSizes(SizeTrust trust, PoseFit& fit);
-// The same limit on the sizes of the last solve: FailedPrecondition.
+// The same limit on the sizes of the last solve, with its covariances: FailedPrecondition.
 absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit);
 
 // A solved bundle as a PoseSolution.

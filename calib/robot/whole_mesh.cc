@@ -24,12 +24,15 @@
 namespace silhouette {
 namespace {
 
-constexpr double kMostLoose = 0.01;  // share of an OBJ file's vertices
+// The last of an OBJ file's vertices that are in no face: as a share of all, and so many.
+constexpr double kMostLoose = 0.01;
+constexpr double kFewLoose = 3;
 
 // What is wrong with a file; empty: nothing.
 using Fault = std::string;
 
 // In a binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
+// Some begin with 'solid', too.
 Fault OfStl(const std::string& bytes) {
   uint32_t triangles = 0;
   if (bytes.size() >= 84) std::memcpy(&triangles, &bytes[80], 4);
@@ -38,6 +41,10 @@ Fault OfStl(const std::string& bytes) {
   const size_t line = bytes.find_last_of("\r\n", end);
   const size_t word = bytes.find_first_not_of(" \t", line == std::string::npos ? 0 : line + 1);
   if (word != std::string::npos && bytes.compare(word, 8, "endsolid") == 0) return "";
+  if (!absl::StartsWith(bytes, "solid") && bytes.size() >= 84) {
+    return absl::StrCat("is cut off: its header counts ", triangles, " triangles, ",
+                        (bytes.size() - 84) / 50, " are there");
+  }
   return "is cut off: it does not end with 'endsolid'";
 }
 
@@ -155,6 +162,7 @@ Fault OfPly(const std::string& bytes) {
 
 Fault OfObj(const std::string& bytes) {
   std::vector<bool> used;                          // by vertex
+  size_t short_face = 0;                           // line of the last face, if it has two corners
   std::vector<std::pair<size_t, size_t>> corners;  // vertex and line
   const auto at = [](size_t line) {
     return absl::StrCat(" in line ", line, "; its end may be missing");
@@ -177,7 +185,7 @@ Fault OfObj(const std::string& bytes) {
       if (words.size() < 4) return "has a vertex of fewer than three numbers" + at(line);
     }
     const bool face = words[0] == "f" || words[0] == "fo";
-    if (face && words.size() < 4) return "has a face of fewer than three corners" + at(line);
+    if (face) short_face = words.size() < 4 ? line : 0;
     if (!face && words[0] != "l" && words[0] != "p") continue;
     for (size_t i = 1; i < words.size(); ++i) {
       int64_t corner = 0;
@@ -188,6 +196,7 @@ Fault OfObj(const std::string& bytes) {
       corners.emplace_back(corner - 1, line);
     }
   }
+  if (short_face != 0) return "has a last face of fewer than three corners" + at(short_face);
   for (const auto& [corner, line] : corners) {
     if (corner >= used.size()) {
       return absl::StrCat("has ", used.size(), " vertices, but names number ", corner + 1,
@@ -195,23 +204,30 @@ Fault OfObj(const std::string& bytes) {
     }
     used[corner] = true;
   }
-  const auto loose = static_cast<double>(std::ranges::count(used, false));
-  if (loose <= kMostLoose * static_cast<double>(used.size())) return "";
-  return absl::StrCat("has ", used.size(), " vertices, of which ", loose,
+  const auto loose =
+      static_cast<double>(std::find(used.rbegin(), used.rend(), true) - used.rbegin());
+  const auto all = static_cast<double>(used.size());
+  if (loose < all && loose <= std::max(kFewLoose, kMostLoose * all)) return "";
+  return absl::StrCat("has ", used.size(), " vertices, of which the last ", loose,
                       " are in no face; its end may be missing");
 }
 
 Fault OfCollada(const std::string& bytes) {
   constexpr char kName[] = "bind_shape_matrix";
+  constexpr double kMatrixRounding = 1e-5;
+  if (!absl::StrContains(bytes, "instance_controller")) return "";
   for (size_t at = bytes.find(kName); at != std::string::npos; at = bytes.find(kName, at + 1)) {
     const size_t begin = bytes.find('>', at);
-    if (at == 0 || bytes[at - 1] == '/' || begin == std::string::npos) continue;
+    // The element's beginning, with or without a prefix; no comment.
+    const size_t tag = bytes.rfind('<', at);
+    if (tag == std::string::npos || begin == std::string::npos) continue;
+    if (bytes[tag + 1] == '/' || bytes[tag + 1] == '!') continue;
     std::istringstream numbers(bytes.substr(begin + 1, bytes.find('<', begin) - begin - 1));
     for (int i = 0; i < 16; ++i) {
       double number = 0;
-      if (numbers >> number && std::abs(number - (i % 5 == 0)) < 1e-9) continue;
-      return "is placed by the bind_shape_matrix of a skin, which is not read; apply the skin "
-             "(in Blender: the armature)";
+      if (numbers >> number && std::abs(number - (i % 5 == 0)) < kMatrixRounding) continue;
+      return "is placed by the bind_shape_matrix of a skin, which is not read; apply the skin (in "
+             "Blender: the armature), and export it again";
     }
   }
   return "";
@@ -232,7 +248,8 @@ absl::Status CheckWhole(const std::string& path) {
   const std::string bytes(std::istreambuf_iterator<char>(in), {});
   const Fault fault = check(bytes);
   if (fault.empty()) return absl::OkStatus();
-  return InvalidArgument("the mesh '", path, "' ", fault, "; copy or export it again");
+  return InvalidArgument("the mesh '", path, "' ", fault,
+                         absl::StrContains(fault, "again") ? "" : "; copy or export it again");
 }
 
 }  // namespace silhouette

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// WholeMesh: what assimp passes over in silence, and a link would be too small or elsewhere for.
+// What makes a link of a mesh file too small or elsewhere, and assimp does not report.
 #pragma once
 
 #include <string>
@@ -10,9 +10,10 @@ namespace silhouette {
 
 // InvalidArgument, in one sentence with the mend: the end of a file is missing, as far as its
 // format shows that, or a Collada mesh is moved by the bind_shape_matrix of a skin. By format: text
-// STL must end with 'endsolid'; PLY must have what its header counts; in OBJ every face has three
-// corners or more, all of them vertices of the file, and 99 % of the vertices are in a face (a file
-// that is cut between the last of its faces passes).
+// STL must end with 'endsolid'; binary STL and PLY must have what their headers count; in OBJ all
+// corners of faces are vertices of the file, there are faces, the last has three corners or more,
+// and the last of the vertices are in one, but for 1 % or three (a file that is cut between the
+// last of its faces, or within its last number, passes).
 absl::Status CheckWhole(const std::string& path);
 
 }  // namespace silhouette

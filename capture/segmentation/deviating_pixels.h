@@ -16,8 +16,8 @@ namespace silhouette {
 // surroundings with kStrongFactor times the limits of the settings. Grey levels of an 8-bit image,
 // so that cleaning it up treats the strong foreground in it exactly as if it were alone: opening
 // and closing commute with thresholds.
-inline constexpr uint8_t kShadow = 1;  // of these two: GradedForeground (difference.h)
-inline constexpr uint8_t kThinEvidence = 2;
+inline constexpr uint8_t kShadow = 1;        // only in a GradedForeground (difference.h)
+inline constexpr uint8_t kThinEvidence = 2;  // likewise
 inline constexpr uint8_t kWeakEvidence = 3;
 inline constexpr uint8_t kStrongEvidence = 255;
 // With the default settings a texture_difference of 3: noise alone does not reach it at the robot's

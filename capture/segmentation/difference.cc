@@ -166,6 +166,9 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
                                              " pixels, its reference ", reference.size().width,
                                              " x ", reference.size().height));
   }
+  if (!steady.empty() && (steady.size() != grey.size() || steady.type() != grey.type())) {
+    throw std::invalid_argument("the steady image is not of the camera image's size and kind");
+  }
   if (grey.type() == CV_8UC1 && reference.channels() == 3) {
     return Find(grey, reference.AsGrey(), settings, slow_light, steady, steps);
   }
@@ -176,14 +179,15 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
     steps->over_limit = DifferenceOverLimit(grey, reference, brightness, settings);
     steps->deviating = foreground > 0;
   }
-  cv::Mat shadows;
+  FoundShadows shadows;
   if (settings.shadows == Shadows::kIgnore) {
     const bool single = steady.empty();
-    cv::Mat judged = single ? foreground.clone()
-                            : DeviatingPixels(steady, reference, brightness, slow_light, settings);
-    shadows = DropShadows(single ? grey : steady, reference, brightness, slow_light, judged);
-    foreground.setTo(0, shadows);
-    foreground.setTo(kWeakEvidence, (foreground > 0) & (judged == kWeakEvidence));
+    shadows = FindShadows(
+        single ? grey : steady, reference, brightness, slow_light,
+        single ? foreground : DeviatingPixels(steady, reference, brightness, slow_light, settings));
+    foreground.setTo(0, shadows.certain);
+    // Residues of a shadow come and go with the noise.
+    foreground.setTo(kWeakEvidence, shadows.possible & (foreground > 0));
   }
   if (steps != nullptr) steps->no_shadow = foreground > 0;
   std::optional<Runs> plain;  // weak evidence at a rim is no thin part
@@ -192,7 +196,7 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
   DropSmallAreas(foreground, settings.min_blob_pixels);
   WeakenSmallAreas(foreground, settings.min_blob_pixels);
   if (plain.has_value()) plain->AddThin(foreground);
-  if (!shadows.empty()) foreground.setTo(kShadow, shadows & (foreground == 0));
+  if (!shadows.certain.empty()) foreground.setTo(kShadow, shadows.certain & (foreground == 0));
   if (!reference.undefined().empty()) foreground |= reference.undefined();
   if (steps != nullptr) {
     steps->foreground = foreground > kThinEvidence;

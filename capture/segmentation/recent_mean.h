@@ -11,8 +11,8 @@ namespace silhouette {
 // Not thread-safe.
 class RecentMean {
  public:
-  // So many images at the most weigh in the mean.
-  static constexpr int kImages = 16;
+  // The mean is that of the first so many images; each later one weighs as one of so many.
+  static constexpr int kImages = 8;
 
   // The mean of `image` and those before it, pixel by pixel: begun again at `image` where it is
   // more than four standard deviations of the reference's noise away from the mean. So no pixel of

@@ -38,7 +38,7 @@ struct SegmentationSettings {
   int min_blob_pixels = 12;
   // A mask pixel is foreground if more than this share of the camera pixels under it is; 0: any.
   double min_cover = 0;
-  // With kIgnore, DropShadows() takes shadows out before the clean-up.
+  // With kIgnore, what FindShadows() is certain of is taken out before the clean-up.
   Shadows shadows = Shadows::kForeground;
 
   bool operator==(const SegmentationSettings&) const = default;

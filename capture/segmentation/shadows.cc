@@ -183,12 +183,13 @@ cv::Mat LeastNear(const cv::Mat& factors) {
 
 }  // namespace
 
-cv::Mat DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
-                    const SlowLight& slow_light, cv::Mat& foreground) {
+FoundShadows FindShadows(const cv::Mat& image, const Reference& reference,
+                         const Brightness& brightness, const SlowLight& slow_light,
+                         const cv::Mat& foreground) {
   const int channels = image.channels();
   Expected expected(image, reference, brightness, slow_light);
   Terms terms = TermsOf(expected, foreground, channels);
-  if (cv::countNonZero(terms.candidate) == 0) return terms.candidate;
+  if (cv::countNonZero(terms.candidate) == 0) return {terms.candidate, terms.candidate};
   cv::Mat factors = CertainFactors(terms);
   for (int round = 0; round < kRounds; ++round) {
     const cv::Mat least = LeastNear(factors);
@@ -208,11 +209,7 @@ cv::Mat DropShadows(const cv::Mat& image, const Reference& reference, const Brig
       }
     }
   }
-  // Residues of a shadow come and go with the noise.
-  foreground.setTo(kWeakEvidence, terms.candidate);
-  cv::Mat shadows = factors > 0;
-  foreground.setTo(0, shadows);
-  return shadows;
+  return {factors > 0, terms.candidate};
 }
 
 }  // namespace silhouette

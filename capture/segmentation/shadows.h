@@ -10,17 +10,23 @@
 
 namespace silhouette {
 
-// Takes out of `foreground` what is a shadow on the empty cell. A pixel is, if over the foreground
+// 8-bit, 255 or 0.
+struct FoundShadows {
+  cv::Mat certain;  // a shadow on the empty cell
+  cv::Mat
+      possible;  // a shadow could explain it: no darker than one can be, no brighter than expected
+};
+
+// Which pixels of `foreground` are shadows. A pixel is certainly one if over the foreground
 // around it that is darker than expected
 // - the image is what is expected times one factor, the same in all channels, up to noise; and
 // - that is far more probable than a surface of one colour: the cell's own texture is seen.
 // Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
 // the same. Among such pixels - where they are half of the foreground around, at least - those
-// belong to the shadow that are no darker than it and no brighter than expected. What stays, but is
-// no darker than a shadow can be and no brighter than expected, becomes weak evidence
-// (deviating_pixels.h): a shadow could explain it. `foreground`: 8-bit, not 0 where foreground, of
-// the image's size. Returns what was taken out, 8-bit, 255 or 0.
-cv::Mat DropShadows(const cv::Mat& image, const Reference& reference, const Brightness& brightness,
-                    const SlowLight& slow_light, cv::Mat& foreground);
+// belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
+// 8-bit, not 0 where foreground, of the image's size.
+FoundShadows FindShadows(const cv::Mat& image, const Reference& reference,
+                         const Brightness& brightness, const SlowLight& slow_light,
+                         const cv::Mat& foreground);
 
 }  // namespace silhouette

@@ -29,8 +29,8 @@ constexpr double kMostlyDrawn = 0.1;
 // Of the number of configurations that are enough.
 constexpr double kSafely = 1.5;
 constexpr double kMostSensible = 1e6;
-// Masks that lack a pixel: where fewer are permitted, that none does shows nothing (the upper bound
-// of none is 3 at 95 %).
+// Masks that lack a pixel. Where fewer are permitted, too few are held out: that none of them lacks
+// one says only that fewer than 3 of as many others do (95 % confidence).
 constexpr double kLeastExpected = 3;
 constexpr double kFurtherOfFew = 0.005;  // metres
 
@@ -344,9 +344,9 @@ void Comparing::Fit() {
   }
 }
 
-// The further steps of links that grow: as many as they need beyond `fitted` for few enough masks
-// held out to lack a pixel, and one more where too few are held out to show that; 0: none, or more
-// than are permitted.
+// The further steps of links that grow where few masks are held out: as many as they need beyond
+// `fitted` for few enough of these to lack a pixel, and kFurtherOfFew; 0: none, or more than
+// kMostFurther would do.
 int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& steps) {
   result_.held_out_masks = samples_.size() / 2 * result_.views.size();
   std::vector<int> by_pixel;
@@ -374,14 +374,14 @@ int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& s
   const bool few = masks * settings_.most_held_out < kLeastExpected;
   const int most = StepsOf(kMostFurther);
   int further = 0;
-  while (further < most && share(further) > settings_.most_held_out) ++further;
-  if (share(further) > settings_.most_held_out) {
-    further = 0;
-  } else if (few && std::ranges::any_of(steps, [](int of_link) { return of_link > 0; })) {
-    further += StepsOf(kFurtherOfFew);
+  if (few && std::ranges::any_of(steps, [](int of_link) { return of_link > 0; })) {
+    while (further < most && share(further) > settings_.most_held_out) ++further;
+    further = share(further) > settings_.most_held_out
+                  ? 0
+                  : std::min(further + StepsOf(kFurtherOfFew), most);
   }
-  if (further > 0 || missing > settings_.most_held_out) {
-    // What the growth lacks is as rare as there are many configurations.
+  if ((further > 0 || missing > settings_.most_held_out) && masks * settings_.most_held_out > 0) {
+    // The share that lacks a pixel falls at best as the number of configurations rises.
     const double times = std::max(kSafely * missing / settings_.most_held_out,
                                   kLeastExpected / (masks * settings_.most_held_out));
     const double enough = std::min(times * static_cast<double>(samples_.size()), kMostSensible);

@@ -86,13 +86,12 @@ struct WorstMask {
 struct ModelComparison {
   std::vector<ComparedView> views;
   std::vector<ComparedLink> links;  // by link of the model
-  // Of the masks held out, by the growth that the others need,
-  // and `further`.
+  // Of the masks held out, by the growth that the others need, and `further`.
   uint64_t held_out_masks = 0;
   uint64_t held_out_missing = 0;  // with a missing pixel that growth could reach
   uint64_t held_out_pixels = 0;   // such pixels
-  // Metres, in the growth of all links that grow: without it more masks held out than most_held_out
-  // lack a pixel (at most kMostFurther), or too few are held out to show that (one step more).
+  // Metres in the growth of all links that grow, kMostFurther at the most, as too few masks are
+  // held out to find it without.
   double further = 0;
   // How many configurations should need nothing further; 0: these do.
   size_t enough = 0;

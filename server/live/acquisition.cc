@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/difference.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -44,7 +45,7 @@ absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase&
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
       const absl::Duration gap = std::min(since, kLongestGap);
-      light = light.Learn(seen, reference, foreground, absl::ToDoubleSeconds(gap));
+      light = light.Learn(seen, reference, foreground > kShadow, absl::ToDoubleSeconds(gap));
       since = absl::ZeroDuration();
     }
     return SceneMaskOf(pixels, foreground, database, view, segmentation.min_cover);
@@ -156,17 +157,25 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     lights_.assign(images.size(), {});
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
-    strong_.assign(images.size(), {});
-    recent_.assign(images.size(), {});
+    before_.assign(images.size(), {});
     life_.ForgetRobot();
   }
   for (absl::Duration& since : since_learnt_) since += arrived.running - lights_learnt_;
   lights_learnt_ = arrived.running;
   std::vector<absl::StatusOr<SceneMask>> seen(images.size(), SceneMask());
+  // A stamp of a clock that is ahead makes no image younger than its arrival.
+  const auto taken_of = [&](size_t view) {
+    return std::min(images[view]->taken.running, arrived.running);
+  };
+  const auto follows = [&](size_t view) {
+    return taken_of(view) - before_[view].taken <= config_.live.evidence_gap;
+  };
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
-    seen[view] = SeenIn(images[view]->image, *database, static_cast<int>(view),
-                        config_.segmentation, lights_[view], since_learnt_[view], recent_[view]);
+    if (!follows(view)) before_[view].recent = {};
+    seen[view] =
+        SeenIn(images[view]->image, *database, static_cast<int>(view), config_.segmentation,
+               lights_[view], since_learnt_[view], before_[view].recent);
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();
@@ -174,12 +183,12 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   for (size_t view = 0; view < images.size(); ++view) {
     if (!images[view]) continue;
     if (!seen[view].ok()) return seen[view].status();
-    // A stamp of a clock that is ahead makes no image younger than its arrival.
-    const absl::Duration taken = std::min(images[view]->taken.running, arrived.running);
+    const absl::Duration taken = taken_of(view);
     oldest = std::min(oldest, taken);
     newest = std::max(newest, taken);
-    auto [before, strong] = std::exchange(strong_[view], {taken, seen[view]->strong});
-    if (taken - before <= config_.live.evidence_gap) seen[view]->strong_before = std::move(strong);
+    std::optional<Mask> strong = std::exchange(before_[view].strong, seen[view]->strong);
+    if (follows(view)) seen[view]->strong_before = std::move(strong);
+    before_[view].taken = taken;
   }
   if (oldest > newest) oldest = newest = arrived.running;
   absl::StatusOr<std::vector<JointPosition>> joints = joints_(oldest, newest);

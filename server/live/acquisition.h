@@ -103,10 +103,13 @@ class Acquisition {
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;
   absl::Duration lights_learnt_;  // running clock of the newest image set
-  // By view: when its newest image was taken (running clock), and its SceneMask::strong; begun
-  // again with another database.
-  std::vector<std::pair<absl::Duration, std::optional<Mask>>> strong_;
-  std::vector<RecentMean> recent_;  // likewise; of cells that ignore shadows
+  // Of a view's images; begun again with another database.
+  struct Before {
+    absl::Duration taken;        // the newest one's time, running clock
+    std::optional<Mask> strong;  // its SceneMask::strong
+    RecentMean recent;  // of images that followed within evidence_gap; of cells that ignore shadows
+  };
+  std::vector<Before> before_;
   Helpers helpers_;
 };
 

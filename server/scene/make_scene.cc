@@ -18,6 +18,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/difference.h"
 #include "common/picture/camera_image.h"
 #include "db/mask/mask.h"
@@ -257,7 +258,7 @@ SceneMask SceneMaskOf(const cv::Mat& image, const cv::Mat& foreground,
   const auto at = static_cast<size_t>(view);
   GradedMask mask = Graded(foreground, database.robot_images().mask_sizes()[at], min_cover);
   return {std::move(mask.all), std::move(mask.strong),
-          ConditionOf(image, foreground, database.outlines(), at), std::move(mask.thin)};
+          ConditionOf(image, foreground > kShadow, database.outlines(), at), std::move(mask.thin)};
 }
 
 absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& input,

@@ -31,8 +31,10 @@ namespace {
 constexpr double kMostWhite = 0.02;
 constexpr double kLeastLevel = 20;
 constexpr double kTurn = 2 * std::numbers::pi;
-// Radians; joints of robots rarely turn more than twice either way.
+// Radians. Joints of robots rarely turn more than twice either way, and hardly ever more than ten
+// times from limit to limit; limits in degrees look like tens of turns.
 constexpr double kMostUsual = 2 * kTurn + 0.1;
+constexpr double kMostPossible = 10 * kTurn;
 
 struct Finding {
   std::string what;
@@ -58,7 +60,7 @@ Finding OfGrid(const Cell& cell) {
   return {"grid", true, text};
 }
 
-// Of revolute joints of many turns, as of limits in degrees. Whole multiples of 5 certainly are.
+// Of revolute joints of many turns.
 absl::StatusOr<Findings> OfLimits(const Cell& cell) {
   Findings findings;
   if (cell.robot.urdf.empty()) return findings;
@@ -69,8 +71,7 @@ absl::StatusOr<Findings> OfLimits(const Cell& cell) {
     if (!index || robot.joints()[*index].type != JointType::kRevolute) continue;
     const double most = std::max(std::abs(joint.lower), std::abs(joint.upper));
     if (most <= kMostUsual) continue;
-    const auto whole = [](double limit) { return std::remainder(limit, 5) == 0; };
-    const bool degrees = whole(joint.lower) && whole(joint.upper);
+    const bool degrees = joint.upper - joint.lower > kMostPossible;
     findings.push_back(
         {"joint " + joint.name, !degrees,
          absl::StrFormat(

@@ -328,7 +328,8 @@ TEST(RobotModel, PlyMeshWithLessThanItsHeaderCountsIsRefused) {
     }
     EXPECT_EQ(RefusalOf("link.ply", binary), "") << big;
     for (const size_t less : {1, 5, 13, 40}) {
-      EXPECT_NE(RefusalOf("link.ply", binary.substr(0, binary.size() - less)), "")
+      EXPECT_THAT(RefusalOf("link.ply", binary.substr(0, binary.size() - less)),
+                  HasSubstr("is cut off"))
           << big << ", " << less;
     }
   }
@@ -337,29 +338,37 @@ TEST(RobotModel, PlyMeshWithLessThanItsHeaderCountsIsRefused) {
 TEST(RobotModel, ObjMeshWhoseEndIsMissingIsRefusedWhereItShows) {
   const std::string whole =
       "o t\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\n"
-      "f 1 3 2\nf 1/1/1 2//2 4\nf 1 4 3\nf -4 -3 -2\nf 2 3 \\\n5\n";
+      "f 1 3\nf 1 3 2\nf 1/1/1 2//2 4\nf 1 4 3\nf -4 -3 -2\nf 2 3 \\\n5\n";
   EXPECT_EQ(RefusalOf("link.obj", whole), "");
   EXPECT_EQ(RefusalOf("link.obj", whole.substr(0, whole.size() - 1)), "") << "no last line feed";
-  EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.rfind("f 2"))),
-              HasSubstr("has 5 vertices, of which 1 are in no face; its end may be missing"));
+  EXPECT_EQ(RefusalOf("link.obj",
+                      "v 9 9 9\n" + whole.substr(0, whole.find("f 1 4")) + "f 2 3 5\nv 0 0 0\n"),
+            "")
+      << "vertices for markers";
+  EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.find("f 1/")) + "v 1 1 2\nv 1 1 3\n"),
+              HasSubstr("has 7 vertices, of which the last 4 are in no face; its end may be"));
   EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.rfind("3 \\"))),
-              HasSubstr("has a face of fewer than three corners in line 11"));
+              HasSubstr("has a last face of fewer than three corners in line 12"));
   EXPECT_THAT(RefusalOf("link.obj", whole + "f 1 2 6\n"),
-              HasSubstr("has 5 vertices, but names number 6 in line 13"));
-  EXPECT_NE(RefusalOf("link.obj", whole.substr(0, whole.find("f 1"))), "") << "no face";
+              HasSubstr("has 5 vertices, but names number 6 in line 14"));
+  EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.find("f 1"))),
+              HasSubstr("the last 5 are in no face"));
 }
 
 TEST(RobotModel, ColladaMeshThatASkinPlacesIsRefused) {
-  const auto skinned = [](const std::string& matrix) {
-    return absl::StrReplaceAll(TriangleDae("Z_UP"),
-                               {{"<library_visual_scenes>",
-                                 "<library_controllers><controller id=\"c\"><skin source=\"#g\">"
-                                 "<bind_shape_matrix>" +
-                                     matrix +
-                                     "</bind_shape_matrix></skin></controller>"
-                                     "</library_controllers><library_visual_scenes>"}});
+  const auto skinned = [](const std::string& matrix, bool used = true) {
+    return absl::StrReplaceAll(
+        TriangleDae("Z_UP"),
+        {{"<library_visual_scenes>",
+          "<library_controllers><controller id=\"c\"><skin source=\"#g\">"
+          "<bind_shape_matrix>" +
+              matrix +
+              "</bind_shape_matrix></skin></controller>"
+              "</library_controllers><!-- " +
+              (used ? "instance_controller" : "") + " --><library_visual_scenes>"}});
   };
-  EXPECT_EQ(RefusalOf("link.dae", skinned("1 0 0 0 0 1 0 0 0 0 1.0 0 0 0 0 1")), "");
+  EXPECT_EQ(RefusalOf("link.dae", skinned("1 0 0 1.2e-7 0 1 0 0 0 0 1.0 0 0 0 0 1")), "");
+  EXPECT_EQ(RefusalOf("link.dae", skinned("1 0 0 0.3 0 1 0 0 0 0 1 0 0 0 0 1", false)), "");
   EXPECT_THAT(RefusalOf("link.dae", skinned("1 0 0 0.3 0 1 0 0 0 0 1 0 0 0 0 1")),
               HasSubstr("link.dae' is placed by the bind_shape_matrix of a skin"));
 }

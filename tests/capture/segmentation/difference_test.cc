@@ -508,7 +508,7 @@ TEST_F(ShadowsTest, ThingThatStandsInAShadowIsFoundInRecentImages) {
   for (int i = 0; i < 40; ++i) EXPECT_EQ(found(), 0) << i;
   light(box_) = 85;  // as dark as the shadow around it
   EXPECT_GT(found(), 0.6 * box_.area()) << "most at once";
-  for (int i = 1; i < 16; ++i) found();
+  for (int i = 1; i < 18; ++i) found();
   EXPECT_GT(found(), 0.8 * box_.area());
 }
 

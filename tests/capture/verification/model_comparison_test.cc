@@ -246,7 +246,7 @@ TEST_F(ModelComparisonTest, FewFrayedMasksOfARightModelVerifyItAndItsGrowthHolds
     EXPECT_THAT(found.faults, IsEmpty());
     EXPECT_GT(found.further, 0);
     EXPECT_GT(found.enough, 30u);
-    EXPECT_LE(found.further, kMostFurther + settings.growth_step);
+    EXPECT_LE(found.further, kMostFurther);
     const DrawnRobot grown = *Grown(WithTolerance(Drawn(robot, Views())), found.LinkGrowth());
     int lacking = 0;
     for (const ModelSample& sample : others) {

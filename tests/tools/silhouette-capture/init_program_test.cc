@@ -135,9 +135,9 @@ TEST_F(NewCell, CheckNamesLimitsInDegreesAndALinkBeyondTheWorkspace) {
               ReadText(cell_.cell()) + "\nworkspace: {lower: [-2, -2, 0], upper: [2, 2, 2]}\n");
     return cell_.Run(cell_.Arguments("check")).out;
   };
-  EXPECT_THAT(check("lower='-180' upper='180'"),
-              AllOf(HasSubstr("FAULT  joint turn: its limits, -180 to 180, are 57 turns"),
-                    HasSubstr("{name: turn, lower: -180 deg, upper: 180 deg}")));
+  EXPECT_THAT(check("lower='-137.5' upper='137.5'"),
+              AllOf(HasSubstr("FAULT  joint turn: its limits, -137.5 to 137.5, are 44 turns"),
+                    HasSubstr("{name: turn, lower: -137.5 deg, upper: 137.5 deg}")));
   // Of a joint that turns often, and of one that turns twice.
   EXPECT_THAT(check("lower='-18.85' upper='18.85'"), HasSubstr("ok     joint turn: its limits"));
   EXPECT_THAT(check("lower='-12.566' upper='12.566'"), Not(HasSubstr("joint turn")));
