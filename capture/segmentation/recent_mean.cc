@@ -8,8 +8,12 @@
 
 namespace silhouette {
 
-cv::Mat RecentMean::Add(const cv::Mat& image, const Reference& reference) {
+cv::Mat RecentMean::Add(const cv::Mat& image, const Reference& reference, double seconds) {
   constexpr int kFarthest = 4;  // standard deviations of the noise
+  constexpr int kMostImages = 32;
+  // So many weigh alike at the most; a later one weighs as one of so many.
+  const auto most = static_cast<int>(
+      std::clamp(kMemory / std::max(seconds, kMemory / kMostImages), 1.0, double(kMostImages)));
   if (image.size() != reference.size() || image.depth() != CV_8U ||
       image.channels() != reference.channels()) {
     throw std::invalid_argument("image and reference are not of one size and kind");
@@ -31,7 +35,7 @@ cv::Mat RecentMean::Add(const cv::Mat& image, const Reference& reference) {
       for (int i = x * channels; i < (x + 1) * channels; ++i) {
         changed |= std::abs(seen[i] * Reference::kGreyLevel - mean[i]) > kFarthest * noise[i];
       }
-      images[x] = changed ? 1 : static_cast<uint8_t>(std::min(images[x] + 1, kImages));
+      images[x] = changed ? 1 : static_cast<uint8_t>(std::min(images[x] + 1, most));
       for (int i = x * channels; i < (x + 1) * channels; ++i) {
         const int own = seen[i] * Reference::kGreyLevel;
         mean[i] = static_cast<uint16_t>(mean[i] + (own - mean[i]) / images[x]);

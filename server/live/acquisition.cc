@@ -29,10 +29,11 @@ constexpr absl::Duration kLearnInterval = absl::Seconds(1);
 constexpr absl::Duration kLongestGap = absl::Seconds(10);
 
 // What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
-// `since`, the time since it did so, is long enough; it is then set to 0.
+// `since`, the time since it did so, is long enough; it is then set to 0. `recent` has the view's
+// images so far, the newest from `gap` before this one.
 absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
                                  const SegmentationSettings& segmentation, SlowLight& light,
-                                 absl::Duration& since, RecentMean& recent) {
+                                 absl::Duration& since, RecentMean& recent, absl::Duration gap) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
@@ -40,12 +41,13 @@ absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase&
     const cv::Mat seen = reference.channels() == 1 ? Grey(pixels) : pixels;
     const bool steady =
         segmentation.shadows == Shadows::kIgnore && seen.channels() == reference.channels();
-    const cv::Mat foreground = GradedForeground(pixels, reference, segmentation, light,
-                                                steady ? recent.Add(seen, reference) : cv::Mat());
+    const cv::Mat foreground = GradedForeground(
+        pixels, reference, segmentation, light,
+        steady ? recent.Add(seen, reference, absl::ToDoubleSeconds(gap)) : cv::Mat());
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
-      const absl::Duration gap = std::min(since, kLongestGap);
-      light = light.Learn(seen, reference, foreground > kShadow, absl::ToDoubleSeconds(gap));
+      const absl::Duration learnt = std::min(since, kLongestGap);
+      light = light.Learn(seen, reference, foreground > kShadow, absl::ToDoubleSeconds(learnt));
       since = absl::ZeroDuration();
     }
     return SceneMaskOf(pixels, foreground, database, view, segmentation.min_cover);
@@ -167,15 +169,12 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   const auto taken_of = [&](size_t view) {
     return std::min(images[view]->taken.running, arrived.running);
   };
-  const auto follows = [&](size_t view) {
-    return taken_of(view) - before_[view].taken <= config_.live.evidence_gap;
-  };
+  const auto gap_of = [&](size_t view) { return taken_of(view) - before_[view].taken; };
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
-    if (!follows(view)) before_[view].recent = {};
     seen[view] =
         SeenIn(images[view]->image, *database, static_cast<int>(view), config_.segmentation,
-               lights_[view], since_learnt_[view], before_[view].recent);
+               lights_[view], since_learnt_[view], before_[view].recent, gap_of(view));
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();
@@ -187,7 +186,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     oldest = std::min(oldest, taken);
     newest = std::max(newest, taken);
     std::optional<Mask> strong = std::exchange(before_[view].strong, seen[view]->strong);
-    if (follows(view)) seen[view]->strong_before = std::move(strong);
+    if (gap_of(view) <= config_.live.evidence_gap) seen[view]->strong_before = std::move(strong);
     before_[view].taken = taken;
   }
   if (oldest > newest) oldest = newest = arrived.running;

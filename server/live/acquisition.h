@@ -107,7 +107,7 @@ class Acquisition {
   struct Before {
     absl::Duration taken;        // the newest one's time, running clock
     std::optional<Mask> strong;  // its SceneMask::strong
-    RecentMean recent;  // of images that followed within evidence_gap; of cells that ignore shadows
+    RecentMean recent;           // of cells that ignore shadows
   };
   std::vector<Before> before_;
   Helpers helpers_;

@@ -482,7 +482,7 @@ TEST_F(ShadowsTest, ShadowsOfRecentImagesStandStill) {
     int changed = 0;
     for (int i = 0; i < 60; ++i) {
       const cv::Mat image = Expose(light, 1, 1.5, random_);
-      const cv::Mat steady = steadily ? recent.Add(image, reference) : cv::Mat();
+      const cv::Mat steady = steadily ? recent.Add(image, reference, 0.04) : cv::Mat();
       const cv::Mat found =
           GradedForeground(image, reference, kIgnoring, {}, steady) > kThinEvidence;
       if (i >= 30) changed += cv::countNonZero(found != before);
@@ -502,7 +502,7 @@ TEST_F(ShadowsTest, ThingThatStandsInAShadowIsFoundInRecentImages) {
   const auto found = [&] {
     const cv::Mat image = Expose(light, 1, 1.5, random_);
     return cv::countNonZero(
-        (GradedForeground(image, reference_, kIgnoring, {}, recent.Add(image, reference_)) >
+        (GradedForeground(image, reference_, kIgnoring, {}, recent.Add(image, reference_, 0.04)) >
          kThinEvidence)(box_));
   };
   for (int i = 0; i < 40; ++i) EXPECT_EQ(found(), 0) << i;

@@ -14,6 +14,7 @@ namespace silhouette {
 namespace {
 
 constexpr double kSigma = 3;
+constexpr double kGap = 0.04;  // seconds between images
 
 class RecentMeanTest : public testing::Test {
  protected:
@@ -32,8 +33,8 @@ class RecentMeanTest : public testing::Test {
 
 TEST_F(RecentMeanTest, NoiseOfAStillSceneFalls) {
   cv::Mat mean;
-  for (int i = 0; i < 4 * RecentMean::kImages; ++i) {
-    mean = recent_.Add(Expose(cell_, 1, kSigma, random_), reference_);
+  for (int i = 0; i < 64; ++i) {
+    mean = recent_.Add(Expose(cell_, 1, kSigma, random_), reference_, kGap);
   }
   EXPECT_LT(Difference(mean, cell_), kSigma / 3);
 }
@@ -46,22 +47,28 @@ TEST_F(RecentMeanTest, NothingIsFartherFromTheImageThanFourStandardDeviations) {
     cv::Mat light = cell_.clone();
     light(cv::Rect(place(random_), place(random_), 20, 20)) = level(random_);
     const cv::Mat image = Expose(light + 0.3 * i, 1, kSigma, random_);
-    EXPECT_LE(cv::norm(recent_.Add(image, reference_), image, cv::NORM_INF), farthest + 1);
+    EXPECT_LE(cv::norm(recent_.Add(image, reference_, kGap), image, cv::NORM_INF), farthest + 1);
   }
 }
 
 TEST_F(RecentMeanTest, WhatComesIsInItAtOnce) {
-  for (int i = 0; i < 40; ++i) recent_.Add(Expose(cell_, 1, kSigma, random_), reference_);
+  for (int i = 0; i < 40; ++i) recent_.Add(Expose(cell_, 1, kSigma, random_), reference_, kGap);
   cv::Mat light = cell_.clone();
   const cv::Rect box(50, 30, 60, 50);
   light(box) = 230;
   const cv::Mat image = Expose(light, 1, kSigma, random_);
-  EXPECT_TRUE(SamePixels(recent_.Add(image, reference_)(box), image(box)));
+  EXPECT_TRUE(SamePixels(recent_.Add(image, reference_, kGap)(box), image(box)));
+}
+
+TEST_F(RecentMeanTest, NothingIsLeftOfImagesBeforeAGap) {
+  for (int i = 0; i < 40; ++i) recent_.Add(Expose(cell_, 1, kSigma, random_), reference_, kGap);
+  const cv::Mat image = Expose(cell_, 1, kSigma, random_);
+  EXPECT_TRUE(SamePixels(recent_.Add(image, reference_, RecentMean::kMemory), image));
 }
 
 TEST_F(RecentMeanTest, ImageOfAnotherKindIsRefused) {
-  EXPECT_THROW(recent_.Add(cv::Mat(120, 150, CV_8UC1), reference_), std::invalid_argument);
-  EXPECT_THROW(recent_.Add(cv::Mat(120, 160, CV_8UC3), reference_), std::invalid_argument);
+  EXPECT_THROW(recent_.Add(cv::Mat(120, 150, CV_8UC1), reference_, kGap), std::invalid_argument);
+  EXPECT_THROW(recent_.Add(cv::Mat(120, 160, CV_8UC3), reference_, kGap), std::invalid_argument);
 }
 
 }  // namespace
