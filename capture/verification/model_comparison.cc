@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <ranges>
 #include <stdexcept>
 #include <utility>
 
@@ -363,11 +362,12 @@ int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& s
     int& of_mask = by_mask[{pixel.sample, pixel.view}];
     of_mask = std::max(of_mask, needed);
   }
-  const auto beyond = [](int further) { return [=](int needed) { return needed > further; }; };
+  const auto masks_beyond = [&](int further) {
+    return static_cast<uint64_t>(
+        std::ranges::count_if(by_mask, [=](const auto& mask) { return mask.second > further; }));
+  };
   const auto share = [&](int further) {
-    return ShareOf(
-        static_cast<uint64_t>(std::ranges::count_if(by_mask | std::views::values, beyond(further))),
-        result_.held_out_masks);
+    return ShareOf(masks_beyond(further), result_.held_out_masks);
   };
   const double missing = share(0);
   const auto masks = static_cast<double>(result_.held_out_masks);
@@ -388,9 +388,9 @@ int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& s
     result_.enough = 10 * static_cast<size_t>(std::ceil(enough / 10));
   }
   result_.further = GrowthOf(further);
-  result_.held_out_missing =
-      static_cast<uint64_t>(std::ranges::count_if(by_mask | std::views::values, beyond(further)));
-  result_.held_out_pixels = static_cast<uint64_t>(std::ranges::count_if(by_pixel, beyond(further)));
+  result_.held_out_missing = masks_beyond(further);
+  result_.held_out_pixels = static_cast<uint64_t>(
+      std::ranges::count_if(by_pixel, [=](int needed) { return needed > further; }));
   return further;
 }
 
