@@ -12,7 +12,6 @@
 #include "tools/program/program.h"
 
 namespace silhouette {
-namespace {
 
 std::string ForShell(const std::string& word) {
   const bool plain = word.find_first_not_of(
@@ -21,8 +20,6 @@ std::string ForShell(const std::string& word) {
   if (plain && !word.empty()) return word;
   return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
 }
-
-}  // namespace
 
 std::string CellArguments::Command(const std::string& subcommand) const {
   std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));

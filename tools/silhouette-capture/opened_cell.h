@@ -26,6 +26,9 @@ struct CellArguments {
   std::string Command(const std::string& subcommand) const;
 };
 
+// A word of a command line, quoted for a shell if it must be.
+std::string ForShell(const std::string& word);
+
 // Adds --cell, --database and --format.
 void AddCellOptions(CLI::App& command, CellArguments& arguments);
 // Adds --variant.
