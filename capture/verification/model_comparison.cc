@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <opencv2/core.hpp>
 #include <stdexcept>
 #include <utility>
 
