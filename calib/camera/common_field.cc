@@ -28,7 +28,9 @@ std::vector<int> GatherColumns(Rows& matrix) {
   std::map<int, int> places;
   std::vector<Eigen::Triplet<double>> entries;
   for (int row = 0; row < matrix.rows(); ++row) {
-    for (Rows::InnerIterator entry(matrix, row); entry; ++entry) places[entry.col()] = 0;
+    for (Rows::InnerIterator entry(matrix, row); entry; ++entry) {
+      places[static_cast<int>(entry.col())] = 0;
+    }
   }
   std::vector<int> kept;
   for (auto& [column, place] : places) {
@@ -37,7 +39,7 @@ std::vector<int> GatherColumns(Rows& matrix) {
   }
   for (int row = 0; row < matrix.rows(); ++row) {
     for (Rows::InnerIterator entry(matrix, row); entry; ++entry) {
-      entries.emplace_back(row, places[entry.col()], entry.value());
+      entries.emplace_back(row, places[static_cast<int>(entry.col())], entry.value());
     }
   }
   matrix.resize(matrix.rows(), std::ssize(kept));
