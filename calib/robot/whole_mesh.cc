@@ -24,7 +24,8 @@
 namespace silhouette {
 namespace {
 
-// The last of an OBJ file's vertices that are in no face: as a share of all, and so many.
+// How many of an OBJ file's last vertices may be in no face: the greater of a share of all and a
+// number.
 constexpr double kMostLoose = 0.01;
 constexpr double kFewLoose = 3;
 

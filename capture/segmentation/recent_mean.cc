@@ -11,7 +11,7 @@ namespace silhouette {
 cv::Mat RecentMean::Add(const cv::Mat& image, const Reference& reference, double seconds) {
   constexpr int kFarthest = 4;  // standard deviations of the noise
   constexpr int kMostImages = 32;
-  // So many weigh alike at the most; a later one weighs as one of so many.
+  // Images in the mean, at the most: the newest weighs 1 / most.
   const auto most = static_cast<int>(
       std::clamp(kMemory / std::max(seconds, kMemory / kMostImages), 1.0, double(kMostImages)));
   if (image.size() != reference.size() || image.depth() != CV_8U ||

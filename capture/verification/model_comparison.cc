@@ -363,33 +363,29 @@ int Comparing::HoldOut(const std::vector<int>& fitted, const std::vector<int>& s
     int& of_mask = by_mask[{pixel.sample, pixel.view}];
     of_mask = std::max(of_mask, needed);
   }
-  const auto masks_beyond = [&](int further) {
-    return static_cast<uint64_t>(
-        std::ranges::count_if(by_mask, [=](const auto& mask) { return mask.second > further; }));
+  const auto lacking = [&](int further) {  // masks held out
+    return std::ranges::count_if(by_mask, [=](const auto& mask) { return mask.second > further; });
   };
-  const auto share = [&](int further) {
-    return ShareOf(masks_beyond(further), result_.held_out_masks);
+  const double permitted = settings_.most_held_out * static_cast<double>(result_.held_out_masks);
+  const auto too_many = [&](int further) {
+    return static_cast<double>(lacking(further)) > permitted;
   };
-  const double missing = share(0);
-  const auto masks = static_cast<double>(result_.held_out_masks);
-  const bool few = masks * settings_.most_held_out < kLeastExpected;
+  const bool few = permitted < kLeastExpected;
   const int most = StepsOf(kMostFurther);
   int further = 0;
   if (few && std::ranges::any_of(steps, [](int of_link) { return of_link > 0; })) {
-    while (further < most && share(further) > settings_.most_held_out) ++further;
-    further = share(further) > settings_.most_held_out
-                  ? 0
-                  : std::min(further + StepsOf(kFurtherOfFew), most);
+    while (further < most && too_many(further)) ++further;
+    further = too_many(further) ? 0 : std::min(further + StepsOf(kFurtherOfFew), most);
   }
-  if ((further > 0 || missing > settings_.most_held_out) && masks * settings_.most_held_out > 0) {
+  if (further > 0 || too_many(0)) {
     // The share that lacks a pixel falls at best as the number of configurations rises.
-    const double times = std::max(kSafely * missing / settings_.most_held_out,
-                                  kLeastExpected / (masks * settings_.most_held_out));
+    const double times =
+        std::max(kSafely * static_cast<double>(lacking(0)), kLeastExpected) / permitted;
     const double enough = std::min(times * static_cast<double>(samples_.size()), kMostSensible);
     result_.enough = 10 * static_cast<size_t>(std::ceil(enough / 10));
   }
   result_.further = GrowthOf(further);
-  result_.held_out_missing = masks_beyond(further);
+  result_.held_out_missing = static_cast<uint64_t>(lacking(further));
   result_.held_out_pixels = static_cast<uint64_t>(
       std::ranges::count_if(by_pixel, [=](int needed) { return needed > further; }));
   return further;
