@@ -24,6 +24,7 @@ constexpr float kEvidence = 20;
 constexpr int kRounds = 4;  // in which pixels between such join them
 constexpr double kShadowsEnough =
     0.4;  // share of the foreground around that is certain, for pixels between
+constexpr float kDarker = 3;     // standard deviations, of a pixel that speaks for a shadow
 constexpr float kTolerance = 4;  // standard deviations, of single pixels beside a shadow
 
 // Sums over channels, for every pixel by itself, 0 where it is no candidate.
@@ -88,6 +89,15 @@ class Expected {
   const uint8_t* levels_ = nullptr;
 };
 
+// Whether a pixel is clearly darker than expected: not of the cell beside a shadow, into which the
+// foreground reaches.
+bool IsDarker(const Expected& expected, int x, int channels) {
+  for (int i = x * channels; i < (x + 1) * channels; ++i) {
+    if (expected.Level(x, i) - expected.Seen(i) > kDarker * expected.Noise(i)) return true;
+  }
+  return false;
+}
+
 // Whether all channels of a pixel are darker than expected, but not too dark.
 bool IsCandidate(const Expected& expected, int x, int channels) {
   for (int c = 0; c < channels; ++c) {
@@ -110,6 +120,7 @@ Terms TermsOf(Expected& expected, const cv::Mat& foreground, int channels) {
     for (int x = 0; x < foreground.cols; ++x) {
       if (marked[x] == 0 || !IsCandidate(expected, x, channels)) continue;
       terms.candidate.at<uint8_t>(y, x) = 255;
+      if (!IsDarker(expected, x, channels)) continue;
       terms.count.at<float>(y, x) = 1;
       for (int c = 0; c < channels; ++c) {
         const int i = x * channels + c;

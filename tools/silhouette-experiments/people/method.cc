@@ -26,6 +26,8 @@ constexpr double kGain = 0.03;
 constexpr double kSameDistance = 0.02;
 // Who is nearer than this may be touched by a robot that turns away.
 constexpr double kLeastToLeave = 0.05;
+// How fast somebody comes nearer is judged from this many decisions.
+constexpr size_t kDecisionsOfApproach = 3;
 
 // Between places at which the oracle looks, metres.
 constexpr double kOracleStep = 0.1;
@@ -97,6 +99,7 @@ class SpeedLevels : public Method {
     for (size_t level = levels.size(); level-- > 0;) {
       const auto way = Along(now, now.robot.Ahead(levels[level].speed * rule().period));
       if (!way) return {};
+      if (level + 1 == levels.size()) Note(way->at_start);
       if (way->distance >= protective_[level]) return {levels[level].speed};
     }
     if (LeadsAway(now, now.robot.Ahead(kWayOut))) return {levels.front().speed, true};
@@ -134,10 +137,22 @@ class SpeedLevels : public Method {
   const std::vector<double>& protective() const { return protective_; }
 
  private:
+  void Note(double distance) {
+    recent_.push_back(distance);
+    if (recent_.size() > kDecisionsOfApproach) recent_.erase(recent_.begin());
+  }
+  // What somebody who comes nearer as fast as of late covers until the robot stands, metres.
+  double Approach() const {
+    double fastest = 0;
+    for (size_t i = 1; i < recent_.size(); ++i) {
+      fastest = std::max(fastest, (recent_[i - 1] - recent_[i]) / rule().period);
+    }
+    return fastest * (rule().latency + rule().period + rule().separation.levels.front().stopping_time);
+  }
   bool LeadsAway(const Situation& now, const std::vector<Configuration>& way) const {
     if (way.size() < 2) return false;
     const auto along = Along(now, way);
-    return along && along->at_start > kLeastToLeave &&
+    return along && along->at_start > kLeastToLeave + Approach() &&
            along->distance >= along->at_start - kSameDistance &&
            At(now, way.back()) >= along->at_start + kGain;
   }
@@ -167,6 +182,7 @@ class SpeedLevels : public Method {
   }
 
   const std::vector<double> protective_;
+  std::vector<double> recent_;  // distances at the last decisions, the newest last
 };
 
 class Oracle : public SpeedLevels {
