@@ -20,7 +20,7 @@ constexpr float kResidual = 5;
 // Systematic errors of the expected image, share of it.
 constexpr float kModelError = 0.006F;
 // By how much, in noise variances, one colour must fit worse than the cell's texture.
-constexpr float kEvidence = 20;
+constexpr float kEvidence = 40;
 constexpr int kRounds = 4;  // in which pixels between such join them
 constexpr double kShadowsEnough =
     0.4;  // share of the foreground around that is certain, for pixels between
