@@ -158,7 +158,7 @@ void WeakenSmallAreas(cv::Mat& foreground, int min_pixels) {
 
 // GradedForeground(); stores the steps in `steps` unless it is null.
 cv::Mat Find(const cv::Mat& image, const Reference& reference, const SegmentationSettings& settings,
-             const SlowLight& slow_light, const cv::Mat& steady, ForegroundSteps* steps) {
+             const SlowLight& slow_light, ForegroundSteps* steps) {
   Validate(settings);
   const cv::Mat grey = reference.channels() == 1 ? Grey(image) : image;
   if (grey.size() != reference.size()) {
@@ -166,11 +166,8 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
                                              " pixels, its reference ", reference.size().width,
                                              " x ", reference.size().height));
   }
-  if (!steady.empty() && (steady.size() != grey.size() || steady.type() != grey.type())) {
-    throw std::invalid_argument("the steady image is not of the camera image's size and kind");
-  }
   if (grey.type() == CV_8UC1 && reference.channels() == 3) {
-    return Find(grey, reference.AsGrey(), settings, slow_light, steady, steps);
+    return Find(grey, reference.AsGrey(), settings, slow_light, steps);
   }
   const Brightness brightness =
       settings.follow_brightness ? BrightnessOf(grey, reference, slow_light) : Brightness{};
@@ -181,10 +178,7 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
   }
   FoundShadows shadows;
   if (settings.shadows == Shadows::kIgnore) {
-    const bool single = steady.empty();
-    shadows = FindShadows(
-        single ? grey : steady, reference, brightness, slow_light,
-        single ? foreground : DeviatingPixels(steady, reference, brightness, slow_light, settings));
+    shadows = FindShadows(grey, reference, brightness, slow_light, foreground);
     foreground.setTo(0, shadows.certain);
     // Residues of a shadow come and go with the noise.
     foreground.setTo(kWeakEvidence, shadows.possible & (foreground > 0));
@@ -208,9 +202,8 @@ cv::Mat Find(const cv::Mat& image, const Reference& reference, const Segmentatio
 }  // namespace
 
 cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
-                         const SegmentationSettings& settings, const SlowLight& slow_light,
-                         const cv::Mat& steady) {
-  return Find(image, reference, settings, slow_light, steady, nullptr);
+                         const SegmentationSettings& settings, const SlowLight& slow_light) {
+  return Find(image, reference, settings, slow_light, nullptr);
 }
 
 cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
@@ -229,7 +222,7 @@ GradedMask Graded(const cv::Mat& foreground, MaskSize mask_size, double min_cove
 ForegroundSteps StepsToForeground(const cv::Mat& image, const Reference& reference,
                                   const SegmentationSettings& settings) {
   ForegroundSteps steps;
-  Find(image, reference, settings, {}, {}, &steps);
+  Find(image, reference, settings, {}, &steps);
   return steps;
 }
 

@@ -27,12 +27,9 @@ cv::Mat Foreground(const cv::Mat& image, const Reference& reference,
 // Foreground() with the strength of its evidence: kStrongEvidence or kWeakEvidence
 // (deviating_pixels.h) where foreground. kThinEvidence where it is not, because the clean-up's
 // opening took it away, but what differs joins the foreground: the fingers of a gripper and hoses,
-// and noise at rims. kShadow where it was taken out as a shadow. Else 0: the empty cell. `steady`:
-// in which shadows are looked for in place of the image, its RecentMean (recent_mean.h); empty: in
-// the image.
+// and noise at rims. kShadow where it was taken out as a shadow. Else 0: the empty cell.
 cv::Mat GradedForeground(const cv::Mat& image, const Reference& reference,
-                         const SegmentationSettings& settings, const SlowLight& slow_light = {},
-                         const cv::Mat& steady = {});
+                         const SegmentationSettings& settings, const SlowLight& slow_light = {});
 
 // The share of a mask pixel that must be strong for the mask pixel to be, if min_cover is less.
 // Where the robot's shadow just passes the limits of single pixels, noise adds slivers of it to a

@@ -29,21 +29,16 @@ constexpr absl::Duration kLearnInterval = absl::Seconds(1);
 constexpr absl::Duration kLongestGap = absl::Seconds(10);
 
 // What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
-// `since`, the time since it did so, is long enough; it is then set to 0. `recent` has the view's
-// images so far, the newest from `gap` before this one.
+// `since`, the time since it did so, is long enough; it is then set to 0.
 absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
                                  const SegmentationSettings& segmentation, SlowLight& light,
-                                 absl::Duration& since, RecentMean& recent, absl::Duration gap) {
+                                 absl::Duration& since) {
   try {
     const cv::Mat pixels(image.height, image.width, image.channels == 3 ? CV_8UC3 : CV_8UC1,
                          const_cast<uint8_t*>(image.pixels.data()));
     const Reference& reference = database.reference(view);
     const cv::Mat seen = reference.channels() == 1 ? Grey(pixels) : pixels;
-    const bool steady =
-        segmentation.shadows == Shadows::kIgnore && seen.channels() == reference.channels();
-    const cv::Mat foreground = GradedForeground(
-        pixels, reference, segmentation, light,
-        steady ? recent.Add(seen, reference, absl::ToDoubleSeconds(gap)) : cv::Mat());
+    const cv::Mat foreground = GradedForeground(pixels, reference, segmentation, light);
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
       const absl::Duration learnt = std::min(since, kLongestGap);
@@ -174,7 +169,7 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     if (!images[view]) return;
     seen[view] =
         SeenIn(images[view]->image, *database, static_cast<int>(view), config_.segmentation,
-               lights_[view], since_learnt_[view], before_[view].recent, gap_of(view));
+               lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();

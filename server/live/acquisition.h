@@ -14,7 +14,6 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "capture/devices/devices.h"
-#include "capture/segmentation/recent_mean.h"
 #include "capture/segmentation/settings.h"
 #include "capture/segmentation/slow_light.h"
 #include "server/live/helpers.h"
@@ -106,7 +105,6 @@ class Acquisition {
   struct Before {
     absl::Duration taken;        // the newest one's time, running clock
     std::optional<Mask> strong;  // its SceneMask::strong
-    RecentMean recent;           // of cells that ignore shadows
   };
   std::vector<Before> before_;
   Helpers helpers_;
