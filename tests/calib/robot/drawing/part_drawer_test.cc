@@ -181,7 +181,7 @@ TEST(PartDrawer, LongEdgesBendAsTheLensDoes) {
         Eigen::Translation3d(Uniform(random, -1.2, 1.2), 0, Uniform(random, 1.4, 2)) *
         Eigen::AngleAxisd(Uniform(random, -0.3, 0.3), Vector3d::UnitZ());
     const Mask mask = Touched(drawer, pose, PointsOf(bar), 0);
-    for (int i = 0; i < 2000; ++i) {
+    for (int i = 0; i < SampleCount(2000); ++i) {
       const Vector3d point = pose * SurfacePoint(random, bar);
       const auto pixel = PixelOf(camera, point);
       ASSERT_TRUE(!pixel || mask.at(pixel->x(), pixel->y())) << "trial " << trial;
@@ -346,7 +346,7 @@ TEST(ConvexOutline, HoldsAllThatIsNear) {
     ConvexHull(points, hull);
     const double radius = Uniform(random, 0.01, 1);
     WidenOutline(hull, radius, outline);
-    for (int i = 0; i < 500; ++i) {
+    for (int i = 0; i < SampleCount(500); ++i) {
       const double angle = Uniform(random, 0, 2 * std::numbers::pi);
       const Vector2d p =
           given[random() % count] + radius * Vector2d(std::cos(angle), std::sin(angle));
