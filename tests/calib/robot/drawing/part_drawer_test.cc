@@ -194,7 +194,7 @@ TEST(PartDrawer, LittleMoreIsTouchedThanTheBody) {
   Random random;
   size_t drawn = 0;
   size_t sampled = 0;
-  for (int trial = 0; trial < 25; ++trial) {
+  for (int trial = 0; trial < SampleCount(25); ++trial) {
     const TriangleMesh mesh = CylinderMesh(Uniform(random, 0.05, 0.2), Uniform(random, 0.2, 0.8));
     const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
     const PartDrawer drawer(camera, {64, 64});
@@ -220,7 +220,7 @@ TEST(PartDrawer, LittleMoreIsTouchedThanTheBody) {
   }
   RecordProperty("drawn_for_100_touched", static_cast<int>(100 * drawn / sampled));
   EXPECT_LT(static_cast<double>(drawn), 1.1 * static_cast<double>(sampled));
-  EXPECT_GT(sampled, 1000u);
+  EXPECT_GT(sampled, static_cast<size_t>(SampleCount(1000)));
 }
 
 TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBodyThoughTheCameraIsOff) {
