@@ -14,6 +14,7 @@
 
 #include "calib/intrinsics/board_views.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -171,13 +172,13 @@ struct PredictedErrors {
   Errors rim;
 };
 
-// Of four cameras, over six sessions. `common`: pixels per axis, standard deviation of the error
-// that the corners of a tag in an image share.
+// Of four cameras, over six sessions (with a sanitizer, one). `common`: pixels per axis, standard
+// deviation of the error that the corners of a tag in an image share.
 PredictedErrors PredictedAndFound(double common) {
   const auto cameras = CamerasOnAnArc(4);
   const Board board = LatticeBoard();
   PredictedErrors found;
-  for (unsigned seed = 1; seed <= 6; ++seed) {
+  for (unsigned seed = 1; seed <= static_cast<unsigned>(SampleCount(6)); ++seed) {
     std::mt19937 random(seed);
     Session session = Look(cameras, board, {.frames = 40}, random);
     std::normal_distribution<double> normal(0, 1);
@@ -202,11 +203,12 @@ PredictedErrors PredictedAndFound(double common) {
 
 TEST(SolveLenses, PredictsHowFarProjectionsAreOff) {
   const PredictedErrors errors = PredictedAndFound(0);
-  EXPECT_GT(errors.rim.Chi2PerDof(), 0.6);
   EXPECT_LT(errors.rim.Chi2PerDof(), 1.6);
-  EXPECT_GT(errors.workspace.Chi2PerDof(), 0.8);
   EXPECT_LT(errors.workspace.Chi2PerDof(), 1.25);
   EXPECT_LT(errors.workspace.RmsPerAxis(), 0.02);
+  if (SampleCount(6) < 6) return;  // by chance the errors of one session can be smaller
+  EXPECT_GT(errors.rim.Chi2PerDof(), 0.6);
+  EXPECT_GT(errors.workspace.Chi2PerDof(), 0.8);
 }
 
 TEST(SolveLenses, CountsErrorsThatTheCornersOfATagShareInThePrediction) {

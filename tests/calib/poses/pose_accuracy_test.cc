@@ -12,6 +12,7 @@
 #include "calib/poses/pose_calibration.h"
 #include "common/numbers/numbers.h"
 #include "tests/calib/poses/pose_rig.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -69,9 +70,9 @@ void Print(const std::string& what, const Errors& errors) {
 
 // Of the solutions of the rigs that `make` makes of the seeds 1, 2, ...
 template <typename Make>
-Errors ErrorsOf(unsigned seeds, const Make& make) {
+Errors ErrorsOf(int seeds, const Make& make) {
   Errors errors;
-  for (unsigned seed = 1; seed <= seeds; ++seed) {
+  for (unsigned seed = 1; seed <= static_cast<unsigned>(SampleCount(seeds)); ++seed) {
     const PoseRig rig = make(seed);
     const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
     EXPECT_TRUE(solution.ok()) << "seed " << seed << ": " << solution.status();
@@ -93,13 +94,14 @@ TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
   Print("30 poses, robot taken at its word", exact);
   EXPECT_LT(Median(modelled.centre), 0.85e-3);
   EXPECT_LT(Median(modelled.rotation), 0.022 * kRigDegree);
-  EXPECT_LT(Median(modelled.workspace), 0.4e-3);
   EXPECT_LT(Worst(modelled.workspace), 1e-3);
+  // Its errors are then in the frames' corners, and the uncertainty counts them so.
+  EXPECT_LT(Mean(exact.chi2) / 6, 2);
+  if (SampleCount(10) < 10) return;  // one rig tells nothing of the errors' spread
+  EXPECT_LT(Median(modelled.workspace), 0.4e-3);
   EXPECT_GT(Mean(modelled.chi2) / 6, 0.8);
   EXPECT_LT(Mean(modelled.chi2) / 6, 1.25);
   EXPECT_GT(Median(exact.workspace), 1.1 * Median(modelled.workspace));
-  // The robot's errors are then in the frames' corners, and the uncertainty counts them so.
-  EXPECT_LT(Mean(exact.chi2) / 6, 2);
 }
 
 // A view saw its board only in two of three frames above: here in each of thirty.
@@ -161,8 +163,9 @@ TEST(PoseAccuracy, SurveyedTagsPutViewsInTheBase) {
   });
   Print("five tags surveyed to 1 mm", errors);
   EXPECT_LT(Median(errors.workspace), 2e-3);
-  EXPECT_GT(Mean(errors.chi2) / 6, 0.7);
   EXPECT_LT(Mean(errors.chi2) / 6, 1.4);
+  if (SampleCount(10) < 10) return;  // by chance the errors of one rig can be smaller
+  EXPECT_GT(Mean(errors.chi2) / 6, 0.7);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 
 #include "calib/poses/pose_calibration.h"
 #include "tests/calib/poses/pose_rig.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -73,7 +74,7 @@ TEST(QualityReport, HeldOutErrorsGrowWithTheNoise) {
 TEST(QualityReport, ThePredictedErrorIsThatOfTheTruth) {
   double square = 0;
   int points = 0;
-  for (unsigned seed = 1; seed <= 4; ++seed) {
+  for (unsigned seed = 1; seed <= static_cast<unsigned>(SampleCount(4)); ++seed) {
     const PoseRig rig = FlangeRig(seed, 3, 20);
     ReportSettings settings{
         .workspace = {{0, 0, 0.7}, {0.3, -0.2, 0.5}}, .workspace_name = "two", .groups = 2};

@@ -241,7 +241,7 @@ TEST_F(ModelComparisonTest, FewFrayedMasksOfARightModelVerifyItAndItsGrowthHolds
     return samples;
   };
   const std::vector<ModelSample> others = frayed(100);
-  for (int i = 0; i < 4; ++i) {
+  for (int i = 0; i < SampleCount(4); ++i) {
     const ModelComparison found = Found(frayed(30));
     EXPECT_THAT(found.faults, IsEmpty());
     EXPECT_GT(found.further, 0);

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The collision index in the database: what it holds, when it is stale, who may use it meanwhile.
+// The collision index in the database: what it holds, when it is stale, who may use it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include <atomic>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <thread>
 
 #include "absl/strings/str_cat.h"
 #include "db/store/collision_index.h"
@@ -19,31 +17,15 @@
 #include "db/store/schema.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/db/store/test_database.h"
-#include "tests/random.h"
 
 namespace silhouette {
 namespace {
 
 using testing::ElementsAre;
 
-IndexBuildReport Build(Database& database, const IndexBuildOptions& options = {}) {
-  const auto report = BuildCollisionIndex(database, options);
-  EXPECT_TRUE(report.ok()) << report.status();
-  return *report;
-}
-
-std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
-  const auto index = OpenIndex(database);
-  std::vector<uint64_t> tiles;
-  for (const uint64_t tile : index->Tiles()) {
-    if (index->State(tile) == state) tiles.push_back(tile);
-  }
-  return tiles;
-}
-
 TEST(CollisionIndex, HoldsTheRobotImages) {
   const auto database = MakeFilledDatabase(3);
-  const IndexBuildReport report = Build(*database);
+  const IndexBuildReport report = BuildIndex(*database);
   EXPECT_GT(report.tiles, 3);
   EXPECT_EQ(report.built, report.tiles);
   EXPECT_FALSE(report.stopped);
@@ -62,7 +44,7 @@ TEST_P(CollisionIndexOfMasks, HoldsTheRobotImagesAlignedToCacheLines) {
   cell.mutable_views(1)->set_mask_width(1);
   cell.mutable_views(1)->set_mask_height(1);
   const auto database = MakeFilledDatabase(313, cell);
-  Build(*database);
+  BuildIndex(*database);
   ExpectIndexHoldsTheRobotImages(*database);
   const auto index = OpenIndex(*database);
   for (const uint64_t tile : index->Tiles()) {
@@ -80,7 +62,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, CollisionIndexOfMasks,
 
 TEST(CollisionIndex, CheckedAgainFindsWhatChangedInItsFile) {
   const auto database = MakeFilledDatabase(7);
-  Build(*database);
+  BuildIndex(*database);
   const auto index = OpenIndex(*database);
   const std::vector<uint64_t> tiles = index->Tiles();
   for (const uint64_t tile : tiles) {
@@ -118,7 +100,7 @@ TEST(CollisionIndex, OfNoRobotImagesIsEmpty) {
     EXPECT_EQ(index->State(0), TileState::kNoRecords);
     EXPECT_EQ(index->Tile(0), nullptr);
     EXPECT_EQ(index->State(1'000'000), TileState::kNoRecords);
-    const IndexBuildReport report = Build(*database);
+    const IndexBuildReport report = BuildIndex(*database);
     EXPECT_EQ(report.tiles, 0);
     EXPECT_FALSE(report.stopped);
   }
@@ -164,16 +146,16 @@ TEST_P(CollisionIndexAfter, ChangeIsStaleInThatTileOnlyAndMendedByBuildingIt) {
   const auto database = MakeFilledDatabase();
   ASSERT_TRUE(*database->Read()->Contains(kThere));
   ASSERT_FALSE(*database->Read()->Contains(kNotThere));
-  Build(*database);
+  BuildIndex(*database);
   const auto before = OpenIndex(*database);
   GetParam().make(*database);
   EXPECT_THAT(TilesIn(*database, TileState::kStale), ElementsAre(1));
   EXPECT_EQ(OpenIndex(*database)->Tile(1), nullptr);
   EXPECT_NE(before->Tile(1), nullptr);  // of its own state
   ExpectIndexHoldsTheRobotImages(*database, false);
-  EXPECT_EQ(Build(*database).built, 1);
+  EXPECT_EQ(BuildIndex(*database).built, 1);
   ExpectIndexHoldsTheRobotImages(*database);
-  EXPECT_LE(Build(*database).built, 1);  // 1 where a record cannot be read
+  EXPECT_LE(BuildIndex(*database).built, 1);  // 1 where a record cannot be read
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -224,7 +206,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
   const auto database = MakeFilledDatabase();
-  Build(*database);
+  BuildIndex(*database);
   const uint64_t generation = database->Read()->generation();
   storage::v1::References references;
   references.add_views();
@@ -237,27 +219,27 @@ TEST(CollisionIndex, StaysFreshWhenOnlyTheCalibrationOrTheReferencesChange) {
   ASSERT_TRUE(database->SetCalibration(calibration, "test").ok());
   EXPECT_EQ(database->Read()->generation(), generation + 2);
   ExpectIndexHoldsTheRobotImages(*database);
-  EXPECT_EQ(Build(*database).built, 0);
+  EXPECT_EQ(BuildIndex(*database).built, 0);
 }
 
 TEST(CollisionIndex, BuildingDoesNotRaiseTheGeneration) {
   const auto database = MakeFilledDatabase();
   const uint64_t generation = database->Read()->generation();
-  Build(*database);
+  BuildIndex(*database);
   EXPECT_EQ(database->Read()->generation(), generation);
 }
 
 TEST(CollisionIndex, BuildsAllTilesWhereAskedTo) {
   const auto database = MakeFilledDatabase();
-  const uint64_t tiles = Build(*database).built;
-  EXPECT_EQ(Build(*database).built, 0);
-  EXPECT_EQ(Build(*database, {.all = true}).built, tiles);
+  const uint64_t tiles = BuildIndex(*database).built;
+  EXPECT_EQ(BuildIndex(*database).built, 0);
+  EXPECT_EQ(BuildIndex(*database, {.all = true}).built, tiles);
   ExpectIndexHoldsTheRobotImages(*database);
 }
 
 TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
   const auto database = MakeFilledDatabase();
-  Build(*database);
+  BuildIndex(*database);
   ChangeRaw(database->path(), [&](WriteTransaction& transaction) {
     absl::Status status;
     for (ConfigurationNumber number = kTileSize; number < 2 * kTileSize; ++number) {
@@ -267,7 +249,7 @@ TEST(CollisionIndex, OfATileThatLostItsRecordsIsRemoved) {
     return status;
   });
   EXPECT_EQ(OpenIndex(*database)->State(1), TileState::kStale);
-  EXPECT_EQ(Build(*database).removed, 1);
+  EXPECT_EQ(BuildIndex(*database).removed, 1);
   EXPECT_EQ(OpenIndex(*database)->State(1), TileState::kNoRecords);
   ExpectIndexHoldsTheRobotImages(*database);
 }
@@ -287,100 +269,18 @@ TEST(CollisionIndex, TakesInARecordThatCanBeReadAgain) {
   std::string rotten = sound;
   rotten.back() = static_cast<char>(rotten.back() ^ 1);
   store(rotten);
-  EXPECT_EQ(Build(*database).unreadable, 1);
+  EXPECT_EQ(BuildIndex(*database).unreadable, 1);
   EXPECT_FALSE(OpenIndex(*database)->Tile(1)->present().Contains(kThere % kTileSize));
   EXPECT_EQ(OpenIndex(*database)->Summary().unreadable, 1);
   store(sound);
-  EXPECT_EQ(Build(*database).built, 1);
+  EXPECT_EQ(BuildIndex(*database).built, 1);
   EXPECT_TRUE(OpenIndex(*database)->Tile(1)->present().Contains(kThere % kTileSize));
-  ExpectIndexHoldsTheRobotImages(*database);
-}
-
-TEST(CollisionIndex, StoppedBuildKeepsWhatIsBuiltAndGoesOn) {
-  const auto database = MakeFilledDatabase();
-  std::vector<uint64_t> told;
-  const auto stop_soon = [&](uint64_t done, uint64_t) {
-    told.push_back(done);
-    return done == 0;
-  };
-  // A buffer of nothing: a tile at a time.
-  const auto first = Build(*database, {.threads = 1, .buffer = 0, .progress = stop_soon});
-  EXPECT_TRUE(first.stopped);
-  EXPECT_EQ(told.front(), 0);
-  EXPECT_GT(first.built, 0);
-  EXPECT_LT(first.built, first.tiles);
-  EXPECT_EQ(TilesIn(*database, TileState::kFresh).size(), first.built);
-  ExpectIndexHoldsTheRobotImages(*database, false);
-  const auto second = Build(*database);
-  EXPECT_EQ(second.built, first.tiles - first.built);
-  ExpectIndexHoldsTheRobotImages(*database);
-}
-
-// What is fresh is what the records are, while they change under the build.
-TEST(CollisionIndex, NeverClaimsRecordsThatItWasNotBuiltFrom) {
-  const auto database = MakeFilledDatabase();
-  Random random;
-  std::atomic<bool> done = false;
-  std::jthread changes([&] {
-    const std::vector<ConfigurationNumber> numbers = AllNumbers(database->grid());
-    while (!done) {
-      const ConfigurationNumber number = numbers[random() % numbers.size()];
-      PutAll(*database, {TestImage(*database, number, random())}, true);
-    }
-  });
-  for (int i = 0; i < 6; ++i) {
-    Build(*database, {.all = i % 2 == 0});
-    ExpectIndexHoldsTheRobotImages(*database, false);
-  }
-  done = true;
-  changes.join();
-  ExpectIndexHoldsTheRobotImages(*database, false);
-  Build(*database);
-  ExpectIndexHoldsTheRobotImages(*database);
-}
-
-TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) {
-  const auto database = MakeFilledDatabase();
-  Build(*database);
-  const auto index = OpenIndex(*database);
-  const auto tiles = ReadTiles(index->snapshot());
-  const size_t before = MapSize(*database);
-  std::atomic<bool> done = false;
-  std::vector<std::jthread> readers;
-  for (int i = 0; i < 3; ++i) {
-    readers.emplace_back([&] {
-      do {
-        for (const auto& [tile, images] : tiles) {
-          const TileIndex* held = index->Tile(tile);
-          ASSERT_NE(held, nullptr);
-          for (size_t j = 0; j < images.size(); j += 97) {
-            ASSERT_EQ(held->Image(0, images[j].number % kTileSize), images[j].masks[0]);
-          }
-        }
-      } while (!done);
-    });
-  }
-  // Every record anew, the index too, and much besides.
-  for (uint64_t round = 1; MapSize(*database) == before; ++round) {
-    ASSERT_LT(round, 20);
-    for (const auto& [tile, images] : tiles) {
-      PutAll(*database, {TestImage(*database, tile * kTileSize, round)}, true);
-    }
-    PutMuch(*database);
-    EXPECT_EQ(Build(*database).built, tiles.size());
-  }
-  done = true;
-  readers.clear();
-  EXPECT_NE(MapSize(*database), before);
-  for (const auto& [tile, images] : tiles) {
-    ExpectHolds(*index->Tile(tile), index->trees(), images);
-  }
   ExpectIndexHoldsTheRobotImages(*database);
 }
 
 TEST(CollisionIndex, OutlivesItsDatabase) {
   auto database = MakeFilledDatabase();
-  Build(*database);
+  BuildIndex(*database);
   const auto index = OpenIndex(*database);
   const auto tiles = ReadTiles(index->snapshot());
   database.reset();
@@ -421,7 +321,7 @@ TEST(CollisionIndex, IsCopiedByCompactAndCountedAsUsed) {
   const std::string copied = FreshFolder() / "copy";
   const auto database = MakeFilledDatabase();
   const uint64_t before = database->GetUsage()->used_bytes;
-  const IndexBuildReport report = Build(*database);
+  const IndexBuildReport report = BuildIndex(*database);
   EXPECT_GE(database->GetUsage()->used_bytes, before + report.bytes);
   ASSERT_TRUE(database->Compact(copied).ok());
   const auto copy = Database::Open(copied, Access::kRead);

@@ -22,6 +22,22 @@ inline std::shared_ptr<const CollisionIndex> OpenIndex(const Database& database)
   return *std::move(index);
 }
 
+inline IndexBuildReport BuildIndex(Database& database, const IndexBuildOptions& options = {}) {
+  const auto report = BuildCollisionIndex(database, options);
+  EXPECT_TRUE(report.ok()) << report.status();
+  return *report;
+}
+
+// The tiles of the index in a state.
+inline std::vector<uint64_t> TilesIn(const Database& database, TileState state) {
+  const auto index = OpenIndex(database);
+  std::vector<uint64_t> tiles;
+  for (const uint64_t tile : index->Tiles()) {
+    if (index->State(tile) == state) tiles.push_back(tile);
+  }
+  return tiles;
+}
+
 // The records of a state of the database, by the tile.
 inline std::map<uint64_t, std::vector<RobotImage>> ReadTiles(const Snapshot& snapshot) {
   std::map<uint64_t, std::vector<RobotImage>> tiles;

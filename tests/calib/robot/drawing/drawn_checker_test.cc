@@ -132,7 +132,7 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
                                            : std::optional(RandomPlane(random, view.size())));
       }
       const DrawnChecker checker(robot, planes);
-      for (int i = 0; i < 15; ++i) {
+      for (int i = 0; i < SampleCount(15); ++i) {
         const std::vector<double> q = RandomPositions(random, model);
         const std::vector<double> grown = RandomGrowth(random, *robot, 0.02);
         const Growth growth = i % 2 == 0 ? Growth(grown) : Growth();
@@ -149,7 +149,7 @@ TEST(DrawnChecker, AnswersAsMasksDrawnWholeDo) {
       }
     }
   }
-  for (const int count : answers) EXPECT_GT(count, 20);
+  for (const int count : answers) EXPECT_GT(count, SampleCount(20));
 }
 
 TEST(PlaneDistances, AreOfTheNearestSquareAndNeverMore) {

@@ -126,7 +126,7 @@ TEST(DrawnKind, ReachHoldsTheRobotInAllOfTheNodesCellWhateverTheWristDoes) {
     const DrawnRobot robot = SeenFrom(Drawn(Rx130(), {}), random, 4, 1);
     const size_t arm_joints = 1 + random() % 5;
     const ConfigurationGrid grid = ArmGrid(robot.chain(), arm_joints, Uniform(random, 0.05, 0.4));
-    ExpectReachHolds(robot, grid, random, 60);
+    ExpectReachHolds(robot, grid, random, SampleCount(60));
   }
 }
 
@@ -137,7 +137,7 @@ TEST(DrawnKind, ReachHoldsChainsOfAnyKind) {
     const DrawnRobot robot = SeenFrom(RandomChain(random, joints), random, 2, 3.5);
     const size_t arm_joints = random() % static_cast<size_t>(joints);
     const ConfigurationGrid grid = ArmGrid(robot.chain(), arm_joints, Uniform(random, 0.1, 0.8));
-    ExpectReachHolds(robot, grid, random, 40);
+    ExpectReachHolds(robot, grid, random, SampleCount(40));
   }
 }
 
@@ -146,7 +146,7 @@ TEST(DrawnKind, OwnIsPartOfTheRobotWhateverTheWristDoes) {
   const DrawnRobot robot = SeenFrom(Drawn(Rx130(), {}), random, 4, 1);
   const ConfigurationGrid grid = ArmGrid(robot.chain(), 3, 0.1);
   const DrawnRobot own = AsKind(robot, grid, DrawnKind::kOwn);
-  for (int i = 0; i < 200; ++i) {
+  for (int i = 0; i < SampleCount(200); ++i) {
     Configuration q = AnyOf(grid, random);
     const Configuration node = grid.At(grid.Nearest(q).value());
     std::copy_n(node.begin(), 3, q.begin());
@@ -168,7 +168,7 @@ TEST(DrawnKind, ReachIsLittleLargerThanWhatTheRobotReaches) {
   const DrawnRobot reach = AsKind(robot, grid, DrawnKind::kReach);
   size_t reached = 0;
   size_t of_robot = 0;
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < SampleCount(6); ++i) {
     const Configuration node = grid.At(grid.Nearest(AnyOf(grid, random)).value());
     std::vector<Mask> all = robot.Touched(node);
     for (int k = 0; k < 800; ++k) {

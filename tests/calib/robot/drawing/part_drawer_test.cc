@@ -181,7 +181,7 @@ TEST(PartDrawer, LongEdgesBendAsTheLensDoes) {
         Eigen::Translation3d(Uniform(random, -1.2, 1.2), 0, Uniform(random, 1.4, 2)) *
         Eigen::AngleAxisd(Uniform(random, -0.3, 0.3), Vector3d::UnitZ());
     const Mask mask = Touched(drawer, pose, PointsOf(bar), 0);
-    for (int i = 0; i < 2000; ++i) {
+    for (int i = 0; i < SampleCount(2000); ++i) {
       const Vector3d point = pose * SurfacePoint(random, bar);
       const auto pixel = PixelOf(camera, point);
       ASSERT_TRUE(!pixel || mask.at(pixel->x(), pixel->y())) << "trial " << trial;
@@ -194,7 +194,7 @@ TEST(PartDrawer, LittleMoreIsTouchedThanTheBody) {
   Random random;
   size_t drawn = 0;
   size_t sampled = 0;
-  for (int trial = 0; trial < 25; ++trial) {
+  for (int trial = 0; trial < SampleCount(25); ++trial) {
     const TriangleMesh mesh = CylinderMesh(Uniform(random, 0.05, 0.2), Uniform(random, 0.2, 0.8));
     const CameraModel camera = RandomCamera(random, Isometry3d::Identity());
     const PartDrawer drawer(camera, {64, 64});
@@ -220,7 +220,7 @@ TEST(PartDrawer, LittleMoreIsTouchedThanTheBody) {
   }
   RecordProperty("drawn_for_100_touched", static_cast<int>(100 * drawn / sampled));
   EXPECT_LT(static_cast<double>(drawn), 1.1 * static_cast<double>(sampled));
-  EXPECT_GT(sampled, 1000u);
+  EXPECT_GT(sampled, static_cast<size_t>(SampleCount(1000)));
 }
 
 TEST(PartDrawer, EveryRayOfACoveredPixelMeetsTheBodyThoughTheCameraIsOff) {
@@ -346,7 +346,7 @@ TEST(ConvexOutline, HoldsAllThatIsNear) {
     ConvexHull(points, hull);
     const double radius = Uniform(random, 0.01, 1);
     WidenOutline(hull, radius, outline);
-    for (int i = 0; i < 500; ++i) {
+    for (int i = 0; i < SampleCount(500); ++i) {
       const double angle = Uniform(random, 0, 2 * std::numbers::pi);
       const Vector2d p =
           given[random() % count] + radius * Vector2d(std::cos(angle), std::sin(angle));
