@@ -317,8 +317,8 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
     const auto value = fisheye->As<std::string>();
     equidistant = equidistant || (value != "0" && value != "false");
   }
-  const auto distortion =
-      AnyOf(map, {"distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
+  const auto distortion = AnyOf(map, {"distortion_coefficients", "Distortion_Coefficients",
+                                      "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
   if (!distortion) map.Required("distortion_coefficients");
   std::optional<std::array<int, 2>> size;
   const auto width = AnyOf(map, {"image_width", "image_Width", "width"});
@@ -343,7 +343,8 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   }
   const YamlNode distortion = map.Required("distortion_model");
   const auto name = distortion.As<std::string>();
-  if (name != "radtan" && name != "none" && name != "equidistant" && name != "equi") {
+  const bool radtan = name == "radtan" || name == "radial-tangential";  // Kalibr's and EuRoC's
+  if (!radtan && name != "none" && name != "equidistant" && name != "equi") {
     distortion.Fail(absl::StrCat("the distortion model '", name,
                                  "' is not held; calibrate with radtan or equi"));
   }
@@ -352,17 +353,18 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   const std::vector<int> size = map.Required("resolution").Values<int>(2);
   SetSize(node, std::array<int, 2>{size[0], size[1]}, options, intrinsics);
   if (name == "none") return {CameraModel(intrinsics), "Kalibr"};
-  const YamlNode coefficients = map.Required("distortion_coeffs");
+  const auto listed = AnyOf(map, {"distortion_coeffs", "distortion_coefficients"});
+  const YamlNode coefficients = listed ? *listed : map.Required("distortion_coeffs");
   coefficients.Items(4);
-  if (name != "radtan") return FromEquidistant(coefficients, intrinsics, "Kalibr");
+  if (!radtan) return FromEquidistant(coefficients, intrinsics, "Kalibr");
   SetDistortion(coefficients, intrinsics);
   return {CameraModel(intrinsics), "Kalibr"};
 }
 
 ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options) {
   YamlMap map(root);
-  if (const auto matrix =
-          AnyOf(map, {"camera_matrix", "cameraMatrix", "camera_Matrix", "K", "k"})) {
+  if (const auto matrix = AnyOf(
+          map, {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k"})) {
     return FromMatrix(map, *matrix, options);
   }
   if (map.Optional("camera_model")) return FromKalibr(root, options);
