@@ -173,6 +173,23 @@ std::string AsYaml(std::string text) {
   return text;
 }
 
+// A camera matrix of bare numbers, row by row, and the distortion after it, as YAML; empty if the
+// text is no such.
+std::string YamlOfNumbers(const std::string& text) {
+  constexpr std::ptrdiff_t kMatrix = 9;
+  const std::vector<std::string> values =
+      absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty());
+  const bool numbers = std::ranges::all_of(values, [](const std::string& value) {
+    double number = 0;
+    return absl::SimpleAtod(value, &number);
+  });
+  if (!numbers || std::ssize(values) < kMatrix) return "";
+  const auto distortion = values.begin() + kMatrix;
+  return absl::StrCat("camera_matrix: [", absl::StrJoin(values.begin(), distortion, ", "),
+                      "]\ndistortion_coefficients: [",
+                      absl::StrJoin(distortion, values.end(), ", "), "]\n");
+}
+
 // cv::FileStorage's XML as YAML: matrices, numbers and texts of the first level. OpenCV's own
 // reader leaves its memory when the XML is damaged.
 std::string YamlOfXml(const std::string& xml) {
@@ -285,7 +302,7 @@ ForeignCamera FromEquidistant(const YamlNode& node, const CameraIntrinsics& pinh
 void SetSize(const YamlNode& place, std::optional<std::array<int, 2>> stated,
              const ForeignCameraOptions& options, CameraIntrinsics& intrinsics) {
   if (!stated && !options.image_size) {
-    place.Fail("the file does not say the images' size; give it");
+    place.Fail("the file does not say the images' size; give it (--image-size)");
   }
   const std::array<int, 2> size = stated ? *stated : *options.image_size;
   if (options.image_size && *options.image_size != size) {
@@ -404,7 +421,8 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
               options, checked);
       return ForeignCamera{camera, "mrcal"};
     }
-    const std::string yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);
+    std::string yaml = YamlOfNumbers(text);
+    if (yaml.empty()) yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);
     return FromYaml(YamlNode::FromText(yaml, file), options);
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());

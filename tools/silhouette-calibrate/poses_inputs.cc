@@ -9,6 +9,7 @@
 #include <random>
 #include <set>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -17,6 +18,7 @@
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_files.h"
+#include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_frames.h"
 #include "calib/robot/robot_model.h"
 #include "common/picture/files.h"
@@ -327,11 +329,18 @@ bool Fits(PoseProblem problem) {
   std::erase_if(frames, [&](const std::string&) { return at++ % step != 0; });
   std::erase_if(problem.sightings,
                 [&](const TagSighting& seen) { return !frames.contains(seen.frame); });
-  return CalibratePoses(problem).ok();
+  const absl::StatusOr<PoseFit> fit = FitWithExactRobot(problem);
+  if (!fit.ok()) return false;
+  constexpr double kMostExcess = 4;
+  for (size_t i = 0; i < fit->median_px.size(); ++i) {
+    if (!(fit->median_px[i] < kMostExcess * fit->expected_px[i])) return false;
+  }
+  return true;
 }
 
 // How else the numbers of the robot's poses may be meant; empty if that does not fit either.
 std::string HintOfNotation(const PoseSources& sources) {
+  std::vector<Eigen::Isometry3d> tried;  // the last poses; many notations are alike
   for (const std::string& name : PoseNotation::Names()) {
     for (const char* const units : {"m,rad", "mm,deg", "m,deg", "mm,rad", "m", "mm"}) {
       if (!PoseNotation::Named(name, units).ok()) continue;
@@ -339,7 +348,13 @@ std::string HintOfNotation(const PoseSources& sources) {
       other.pose_notation = name;
       other.pose_units = units;
       const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
-      if (!problem.ok() || !Fits(*problem)) continue;
+      if (!problem.ok() || problem->robot_poses.empty()) continue;
+      const Eigen::Isometry3d& last = problem->robot_poses.back().base_from_flange;
+      const bool known = std::ranges::any_of(
+          tried, [&](const Eigen::Isometry3d& one) { return one.isApprox(last, 1e-9); });
+      if (known) continue;
+      tried.push_back(last);
+      if (!Fits(*problem)) continue;
       return absl::StrCat("as --pose-notation ", name, " --pose-units ", units,
                           " the robot's poses fit");
     }
@@ -349,14 +364,16 @@ std::string HintOfNotation(const PoseSources& sources) {
 
 }  // namespace
 
-std::string HintOfUnit(const PoseSources& sources) {
-  if (!sources.robot_poses.empty()) return HintOfNotation(sources);
+std::string HintOfUnit(const PoseSources& sources, const std::string& refusal) {
+  if (!sources.robot_poses.empty()) {
+    return absl::StrContains(refusal, "it looks as if") ? "" : HintOfNotation(sources);
+  }
   if (sources.joints.empty()) return "";
   const bool degrees = sources.joint_unit == AngleUnit::kDegrees;
   PoseSources other = sources;
   other.joint_unit = degrees ? AngleUnit::kRadians : AngleUnit::kDegrees;
   const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
-  if (!problem.ok() || !Fits(*problem)) return "";
+  if (!problem.ok() || !CalibratePoses(*problem).ok()) return "";
   return degrees ? "with joint values in radians (without --degrees) they fit"
                  : "with joint values in degrees (--degrees) they fit";
 }
