@@ -82,7 +82,8 @@ TEST(FieldCovariance, WhatNoImageDeterminesIsRefused) {
                       .camera_from_reference = {Eigen::Isometry3d::Identity()},
                       .reference_from_board = {Eigen::Isometry3d(Eigen::Translation3d(0, 0, 1))},
                       .lattice = {.width = 5, .height = 4, .spacing = 0.03},
-                      .observations = {{}}};
+                      .observations = {{}},
+                      .corners = {}};
   for (int row = 0; row < 4; ++row) {
     for (int column = 0; column < 5; ++column) {
       problem.corners.emplace_back(600 * 0.03 * column + 319.5, 600 * 0.03 * row + 239.5, 10);

@@ -44,7 +44,7 @@ struct Named {
 
 Named NamedBy(const Names& frames, std::vector<RobotPose> poses) {
   std::vector<TagSighting> sightings;
-  for (const std::string& frame : frames) sightings.push_back({.frame = frame});
+  for (const std::string& frame : frames) sightings.emplace_back().frame = frame;
   const auto said = NamePosesByFrames(sightings, poses);
   return {NamesOf(poses), said.ok() ? *said : std::string(said.status().message())};
 }
