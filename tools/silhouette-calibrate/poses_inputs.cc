@@ -18,7 +18,6 @@
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_files.h"
-#include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_frames.h"
 #include "calib/robot/robot_model.h"
 #include "common/picture/files.h"
@@ -319,7 +318,7 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
 namespace {
 
 // Fits or not is soon seen by so many frames.
-constexpr size_t kFramesOfHint = 25;
+constexpr size_t kFramesOfHint = 15;
 
 bool Fits(PoseProblem problem) {
   std::set<std::string> frames;
@@ -329,13 +328,7 @@ bool Fits(PoseProblem problem) {
   std::erase_if(frames, [&](const std::string&) { return at++ % step != 0; });
   std::erase_if(problem.sightings,
                 [&](const TagSighting& seen) { return !frames.contains(seen.frame); });
-  const absl::StatusOr<PoseFit> fit = FitWithExactRobot(problem);
-  if (!fit.ok()) return false;
-  constexpr double kMostExcess = 4;
-  for (size_t i = 0; i < fit->median_px.size(); ++i) {
-    if (!(fit->median_px[i] < kMostExcess * fit->expected_px[i])) return false;
-  }
-  return true;
+  return CalibratePoses(problem).ok();
 }
 
 // How else the numbers of the robot's poses may be meant; empty if that does not fit either.
