@@ -229,6 +229,7 @@ Board ReadKalibr(const YamlNode& node, const std::string& file) {
     d.tag_size = map.Get<double>("tagSize");
     d.gap = d.tag_size * map.Get<double>("tagSpacing");
     d.from_bottom = true;
+    d.first_id = map.Get<int>("codeOffset", d.first_id);
   } else if (kind == "checkerboard") {
     d.kind = BoardKind::kChessboard;
     d.columns = map.Get<int>("targetCols");

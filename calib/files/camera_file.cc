@@ -173,6 +173,23 @@ std::string AsYaml(std::string text) {
   return text;
 }
 
+// A camera matrix of bare numbers, row by row, and the distortion after it, as YAML; empty if the
+// text is no such.
+std::string YamlOfNumbers(const std::string& text) {
+  constexpr std::ptrdiff_t kMatrix = 9;
+  const std::vector<std::string> values =
+      absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty());
+  const bool numbers = std::ranges::all_of(values, [](const std::string& value) {
+    double number = 0;
+    return absl::SimpleAtod(value, &number);
+  });
+  if (!numbers || std::ssize(values) < kMatrix) return "";
+  const auto distortion = values.begin() + kMatrix;
+  return absl::StrCat("camera_matrix: [", absl::StrJoin(values.begin(), distortion, ", "),
+                      "]\ndistortion_coefficients: [",
+                      absl::StrJoin(distortion, values.end(), ", "), "]\n");
+}
+
 // cv::FileStorage's XML as YAML: matrices, numbers and texts of the first level. OpenCV's own
 // reader leaves its memory when the XML is damaged.
 std::string YamlOfXml(const std::string& xml) {
@@ -285,7 +302,7 @@ ForeignCamera FromEquidistant(const YamlNode& node, const CameraIntrinsics& pinh
 void SetSize(const YamlNode& place, std::optional<std::array<int, 2>> stated,
              const ForeignCameraOptions& options, CameraIntrinsics& intrinsics) {
   if (!stated && !options.image_size) {
-    place.Fail("the file does not say the images' size; give it");
+    place.Fail("the file does not say the images' size; give it (--image-size)");
   }
   const std::array<int, 2> size = stated ? *stated : *options.image_size;
   if (options.image_size && *options.image_size != size) {
@@ -317,8 +334,8 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
     const auto value = fisheye->As<std::string>();
     equidistant = equidistant || (value != "0" && value != "false");
   }
-  const auto distortion =
-      AnyOf(map, {"distortion_coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
+  const auto distortion = AnyOf(map, {"distortion_coefficients", "Distortion_Coefficients",
+                                      "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
   if (!distortion) map.Required("distortion_coefficients");
   std::optional<std::array<int, 2>> size;
   const auto width = AnyOf(map, {"image_width", "image_Width", "width"});
@@ -343,7 +360,8 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   }
   const YamlNode distortion = map.Required("distortion_model");
   const auto name = distortion.As<std::string>();
-  if (name != "radtan" && name != "none" && name != "equidistant" && name != "equi") {
+  const bool radtan = name == "radtan" || name == "radial-tangential";  // Kalibr's and EuRoC's
+  if (!radtan && name != "none" && name != "equidistant" && name != "equi") {
     distortion.Fail(absl::StrCat("the distortion model '", name,
                                  "' is not held; calibrate with radtan or equi"));
   }
@@ -352,17 +370,18 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
   const std::vector<int> size = map.Required("resolution").Values<int>(2);
   SetSize(node, std::array<int, 2>{size[0], size[1]}, options, intrinsics);
   if (name == "none") return {CameraModel(intrinsics), "Kalibr"};
-  const YamlNode coefficients = map.Required("distortion_coeffs");
+  const auto listed = AnyOf(map, {"distortion_coeffs", "distortion_coefficients"});
+  const YamlNode coefficients = listed ? *listed : map.Required("distortion_coeffs");
   coefficients.Items(4);
-  if (name != "radtan") return FromEquidistant(coefficients, intrinsics, "Kalibr");
+  if (!radtan) return FromEquidistant(coefficients, intrinsics, "Kalibr");
   SetDistortion(coefficients, intrinsics);
   return {CameraModel(intrinsics), "Kalibr"};
 }
 
 ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options) {
   YamlMap map(root);
-  if (const auto matrix =
-          AnyOf(map, {"camera_matrix", "cameraMatrix", "camera_Matrix", "K", "k"})) {
+  if (const auto matrix = AnyOf(
+          map, {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k"})) {
     return FromMatrix(map, *matrix, options);
   }
   if (map.Optional("camera_model")) return FromKalibr(root, options);
@@ -402,7 +421,8 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
               options, checked);
       return ForeignCamera{camera, "mrcal"};
     }
-    const std::string yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);
+    std::string yaml = YamlOfNumbers(text);
+    if (yaml.empty()) yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);
     return FromYaml(YamlNode::FromText(yaml, file), options);
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());

@@ -12,6 +12,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "common/numbers/numbers.h"
 #include "db/status/status_macros.h"
 
@@ -167,9 +168,13 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     seen_boards.insert(*board);
   }
   if (seen.empty()) {
+    std::set<std::string> families;
+    for (const Board& board : boards) families.insert(board.family());
     return InvalidArgument(
-        "none of the tags that were seen is on a board; give the boards that were used (their tag "
-        "family and first_id matter)");
+        "none of the tags or corners that were seen is on a board; give the boards that were used ",
+        "(family, first_id, and columns x rows matter): seen were those of ",
+        sightings.empty() ? "none" : sightings.front().family, ", the boards' are of ",
+        absl::StrJoin(families, ", "));
   }
   RETURN_IF_ERROR(ChooseBoards(cameras, boards, seen_boards, out));
 

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/poses/pose_frames.h"
 #include "calib/poses/pose_network.h"
 #include "calib/poses/pose_problem.h"
 #include "db/status/status_macros.h"
@@ -92,6 +93,29 @@ Eigen::Isometry3d WithWFirst(Eigen::Isometry3d pose) {
   return pose;
 }
 
+std::optional<PoseProblem> WithSortedPoses(PoseProblem problem, bool people) {
+  problem.robot_poses = SortedOtherwise(problem.robot_poses, people);
+  return problem.robot_poses.empty() ? std::nullopt : std::optional(std::move(problem));
+}
+
+constexpr char kInverted[] =
+    "the robot's poses are inverted (flange_from_base); give base_from_flange";
+constexpr char kSortedAsText[] =
+    "images and robot poses were sorted differently, one list as 1, 2, 10 and the other one as 1, "
+    "10, 2; name each pose's frame";
+
+// The same images explain inverted poses, and a camera at the other end of the robot.
+std::string OtherMount(const PoseProblem& problem, const std::string& view) {
+  const auto found = std::ranges::find(problem.views, view, &PoseView::name);
+  if (found == problem.views.end()) return "";
+  return found->on_flange
+             ? ", or the camera stands still and the board is on the flange (--flange-board)"
+             : absl::StrCat(
+                   ", or the camera is on the flange and the board stands still "
+                   "(--eye-in-hand ",
+                   view, ")");
+}
+
 const std::vector<Guess>& Guesses() {
   static const std::vector<Guess> guesses = {
       {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
@@ -103,8 +127,9 @@ const std::vector<Guess>& Guesses() {
       GuessOfPoses("the quaternions of the robot's poses are in the order w, x, y, z; give x, y, "
                    "z, w",
                    WithWFirst),
-      GuessOfPoses("the robot's poses are inverted (flange_from_base); give base_from_flange",
-                   [](const Eigen::Isometry3d& pose) { return pose.inverse(); }),
+      GuessOfPoses(kInverted, [](const Eigen::Isometry3d& pose) { return pose.inverse(); }),
+      {kSortedAsText, [](const PoseProblem& problem) { return WithSortedPoses(problem, true); }},
+      {kSortedAsText, [](const PoseProblem& problem) { return WithSortedPoses(problem, false); }},
       {"a board is mirrored: with its columns counted from the other side it fits; print or "
        "describe it again",
        MirroredBoards},
@@ -162,6 +187,7 @@ absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, dou
     if (guessed && (!least || *guessed < *least)) {
       least = guessed;
       says = guess.says;
+      if (says == kInverted) says += OtherMount(problem, view);
     }
   }
   const bool size_doubted = problem.size_trust == SizeTrust::kNeither;

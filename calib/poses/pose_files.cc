@@ -8,13 +8,13 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_split.h"
-#include "absl/strings/strip.h"
+#include "absl/strings/string_view.h"
 #include "calib/boards/csv.h"
+#include "calib/poses/pose_frames.h"
+#include "calib/poses/pose_table.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 
@@ -34,47 +34,19 @@ absl::StatusOr<double> NumberFrom(absl::string_view text, const std::string& pla
   return InvalidArgument(place, ": '", text, "' is not a finite number");
 }
 
-std::vector<std::string> Words(absl::string_view line) {
-  return absl::StrSplit(line, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty());
-}
-
-// A table whose fields are separated by commas, without comments; every line is where it was.
-std::string AsCsv(const std::string& text) {
-  std::vector<std::string> lines = absl::StrSplit(text, '\n');
-  for (std::string& line : lines) {
-    if (absl::StartsWith(absl::StripLeadingAsciiWhitespace(line), "#")) {
-      line.clear();
-    } else if (line.find(',') == std::string::npos) {
-      line = absl::StrJoin(Words(line), ",");
-    }
-  }
-  return absl::StrJoin(lines, "\n");
-}
-
-std::vector<std::string> FirstLine(const std::string& csv) {
-  for (const absl::string_view line : absl::StrSplit(csv, '\n')) {
-    std::vector<std::string> words = Words(line);
-    if (!words.empty()) return words;
-  }
-  return {};
-}
-
 absl::StatusOr<std::vector<PoseRow>> RowsOfTable(const std::string& text, const std::string& file,
                                                  const PoseNotation& notation) {
-  const std::string csv = AsCsv(text);
-  const std::vector<std::string> first = FirstLine(csv);
-  std::vector<std::string> columns = notation.columns();
-  columns.insert(columns.begin(), "frame");
-  double number = 0;
-  const bool named = first.empty() || !absl::SimpleAtod(first.back(), &number);
+  const PoseTable table = PoseTableOf(text, notation);
   // Robots name them in capitals, too.
-  const CsvHeader header = named ? CsvHeader::kAnyCase : CsvHeader::kNone;
-  if (!named && notation.name() == "matrix" && first.size() == 13) columns.resize(13);
-  ASSIGN_OR_RETURN(const std::vector<CsvRow> lines, CsvRows(csv, file, columns, header));
+  const CsvHeader header = table.named ? CsvHeader::kAnyCase : CsvHeader::kNone;
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> lines,
+                   CsvRows(table.csv, file, table.columns, header));
   std::vector<PoseRow> rows;
   for (const CsvRow& line : lines) {
-    rows.push_back({line.place(), line.Text(0), {}});
-    for (size_t i = 1; i < columns.size(); ++i) {
+    const size_t first = table.has_frames ? 1 : 0;
+    rows.push_back(
+        {line.place(), table.has_frames ? line.Text(0) : NameOfRow(rows.size() + 1), {}});
+    for (size_t i = first; i < table.columns.size(); ++i) {
       ASSIGN_OR_RETURN(const double value, line.Number(i));
       rows.back().values.push_back(value);
     }
@@ -97,8 +69,9 @@ absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const s
     std::vector<PoseRow> rows;
     for (const auto& [key, value] : json.items()) {
       PoseRow row{.place = file, .frame = key, .values = {}};
-      if (json.is_object()) {
+      if (json.is_object() || value.is_array()) {
         AppendNumbers(value, row.values);
+        if (!json.is_object()) row.frame = NameOfRow(rows.size() + 1);
       } else {
         const nlohmann::json& frame = value.at("frame");
         row.frame = frame.is_string() ? frame.get<std::string>() : frame.dump();
@@ -173,7 +146,7 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesFromTexts(const std::vector<Pos
   std::vector<PoseRow> rows;
   for (const PoseText& one : texts) {
     rows.push_back({one.file, one.frame, {}});
-    for (const std::string& word : Words(one.text)) {
+    for (const std::string& word : PoseFields(one.text)) {
       ASSIGN_OR_RETURN(const double value, NumberFrom(word, one.file));
       rows.back().values.push_back(value);
     }

@@ -5,9 +5,12 @@
 //   0007,0.41,-0.12,0.63,0.707,0.707,0,0
 //
 // The columns are those of a PoseNotation, in any order. Without the first line they are in its
-// order, after the frame. Fields are separated by commas, or all by semicolons, tabs or spaces;
-// lines that begin with # are comments. Or as JSON: {"0007": [0.41, -0.12, ...]}, numbers in the
-// notation's order, a matrix as rows if that is wished; or [{"frame": "0007", "tx": 0.41, ...}].
+// order, after the frame. Fields are separated by commas, or all by semicolons, tabs or spaces
+// (then with decimal commas, if that is wished); lines that begin with # are comments. A matrix may
+// be on four lines. Or as JSON: {"0007": [0.41, -0.12, ...]}, numbers in the notation's order, a
+// matrix as rows if that is wished; or [{"frame": "0007", "tx": 0.41, ...}]. Rows without a frame,
+// and JSON's
+// [[0.41, -0.12, ...], ...], get that of NameOfRow (pose_frames.h).
 #pragma once
 
 #include <Eigen/Geometry>

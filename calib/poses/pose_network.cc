@@ -79,6 +79,7 @@ class LookSorter {
   }
 
   absl::Status Finish() {
+    network_.warnings = problem_.warnings;
     const std::vector<std::string> without(without_pose_.begin(), without_pose_.end());
     if (!without.empty() && !with_pose_) {
       return FailedPrecondition(

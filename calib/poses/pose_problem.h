@@ -75,6 +75,7 @@ struct PoseProblem {
   // The least number of the robot's poses that may hold the cameras, where no survey does.
   int least_frames = 6;
   SizeTrust size_trust = SizeTrust::kNeither;
+  std::vector<std::string> warnings;  // of those who read it; the solution has them, too
 };
 
 // What is wrong with a problem before anything is solved.

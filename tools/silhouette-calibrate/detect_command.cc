@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json.hpp>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <set>
@@ -60,11 +61,18 @@ absl::StatusOr<DetectSettings> SettingsFor(const DetectArguments& arguments,
 
 // Grey, in the camera's own orientation whatever the file says of how to hold it.
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
-  cv::Mat image = cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+  cv::Mat image =
+      cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.empty()) {
     return InvalidArgument("'", path,
                            "' cannot be read as an image; remove it, or mend its view's "
                            "pattern");
+  }
+  if (image.depth() != CV_8U) {
+    // Cameras put 10 or 12 bits into 16.
+    double most = 0;
+    cv::minMaxIdx(image, nullptr, &most);
+    image.convertTo(image, CV_8U, most > 0 ? 255 / most : 1);
   }
   return image;
 }
@@ -136,6 +144,36 @@ std::string OtherBoards(const std::vector<ListedImage>& images,
   return absl::StrJoin(seen, ", ");
 }
 
+// A smaller chessboard is found in a larger one, now and then. InvalidArgument if few images show
+// the boards, and others a larger chessboard.
+absl::Status CheckChessboardSize(const DetectSession& session, const std::vector<Board>& boards) {
+  constexpr size_t kImages = 3;
+  std::vector<const SessionImage*> without;
+  for (const SessionImage& image : session.images()) {
+    if (image.tags.tags.empty()) without.push_back(&image);
+  }
+  if (2 * without.size() <= session.images().size()) return absl::OkStatus();
+  int rows = 0;
+  int columns = 0;
+  for (const Board& board : boards) {
+    const BoardDescription& d = board.description();
+    if (d.kind != BoardKind::kChessboard) return absl::OkStatus();
+    rows = std::max(rows, std::min(d.rows, d.columns));
+    columns = std::max(columns, std::max(d.rows, d.columns));
+  }
+  for (size_t i = 0; i < std::min(kImages, without.size()); ++i) {
+    const absl::StatusOr<cv::Mat> image = ReadImage(without[i]->source);
+    const std::optional<GridSize> size = image.ok() ? ChessboardIn(*image) : std::nullopt;
+    if (!size || size->columns * size->rows <= columns * rows) continue;
+    return InvalidArgument(session.images().size() - without.size(), " of ",
+                           session.images().size(), " images show a chessboard of ", columns, "x",
+                           rows, " inner corners; '", without[i]->source, "' shows one of ",
+                           size->columns, "x", size->rows,
+                           ": correct --boards, which counts inner corners, not squares");
+  }
+  return absl::OkStatus();
+}
+
 // NotFound, with the likely reason, if nothing was seen.
 absl::Status CheckThatTagsWereSeen(const DetectSession& session,
                                    const std::vector<ListedImage>& images,
@@ -161,6 +199,7 @@ absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& sess
   ASSIGN_OR_RETURN(const size_t done, DetectAll(images, settings, session));
   if (done == images.size()) {
     RETURN_IF_ERROR(CheckThatTagsWereSeen(session, images, FamiliesOf(settings.boards)));
+    RETURN_IF_ERROR(CheckChessboardSize(session, settings.boards));
   }
   RETURN_IF_ERROR(DrawCoverage(settings, session));
   if (done == images.size()) return absl::OkStatus();

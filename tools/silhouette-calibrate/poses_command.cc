@@ -136,7 +136,7 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message();
-    const std::string hint = HintOfUnit(sources);
+    const std::string hint = HintOfUnit(sources, std::string(solution.status().message()));
     if (!hint.empty()) std::cerr << "\n" << hint;
     std::cerr << "\nnothing was written" << std::endl;
     return kNo;
@@ -168,7 +168,7 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
   ASSIGN_OR_RETURN(QualityReport report,
                    ReportOn(problem, sources, arguments.workspace, arguments.groups));
   if (!report.refusal.empty()) {
-    const std::string hint = HintOfUnit(sources);
+    const std::string hint = HintOfUnit(sources, report.refusal);
     if (!hint.empty()) absl::StrAppend(&report.refusal, "; ", hint);
     std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
   } else if (!IsStable(report)) {

@@ -7,7 +7,9 @@
 #include <map>
 #include <numbers>
 #include <random>
+#include <set>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -16,6 +18,7 @@
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_files.h"
+#include "calib/poses/pose_frames.h"
 #include "calib/robot/robot_model.h"
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
@@ -244,6 +247,9 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
   ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
   ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources));
+  ASSIGN_OR_RETURN(const std::string guessed,
+                   NamePosesByFrames(problem.sightings, problem.robot_poses));
+  if (!guessed.empty()) problem.warnings.push_back(guessed);
   return problem;
 }
 
@@ -309,7 +315,52 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
                      "The view on the flange; boards stand still then");
 }
 
-std::string HintOfUnit(const PoseSources& sources) {
+namespace {
+
+// Fits or not is soon seen by so many frames.
+constexpr size_t kFramesOfHint = 15;
+
+bool Fits(PoseProblem problem) {
+  std::set<std::string> frames;
+  for (const TagSighting& seen : problem.sightings) frames.insert(seen.frame);
+  const size_t step = (frames.size() + kFramesOfHint - 1) / kFramesOfHint;
+  size_t at = 0;
+  std::erase_if(frames, [&](const std::string&) { return at++ % step != 0; });
+  std::erase_if(problem.sightings,
+                [&](const TagSighting& seen) { return !frames.contains(seen.frame); });
+  return CalibratePoses(problem).ok();
+}
+
+// How else the numbers of the robot's poses may be meant; empty if that does not fit either.
+std::string HintOfNotation(const PoseSources& sources) {
+  std::vector<Eigen::Isometry3d> tried;  // the last poses; many notations are alike
+  for (const std::string& name : PoseNotation::Names()) {
+    for (const char* const units : {"m,rad", "mm,deg", "m,deg", "mm,rad", "m", "mm"}) {
+      if (!PoseNotation::Named(name, units).ok()) continue;
+      PoseSources other = sources;
+      other.pose_notation = name;
+      other.pose_units = units;
+      const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
+      if (!problem.ok() || problem->robot_poses.empty()) continue;
+      const Eigen::Isometry3d& last = problem->robot_poses.back().base_from_flange;
+      const bool known = std::ranges::any_of(
+          tried, [&](const Eigen::Isometry3d& one) { return one.isApprox(last, 1e-9); });
+      if (known) continue;
+      tried.push_back(last);
+      if (!Fits(*problem)) continue;
+      return absl::StrCat("as --pose-notation ", name, " --pose-units ", units,
+                          " the robot's poses fit");
+    }
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string HintOfUnit(const PoseSources& sources, const std::string& refusal) {
+  if (!sources.robot_poses.empty()) {
+    return absl::StrContains(refusal, "it looks as if") ? "" : HintOfNotation(sources);
+  }
   if (sources.joints.empty()) return "";
   const bool degrees = sources.joint_unit == AngleUnit::kDegrees;
   PoseSources other = sources;

@@ -198,6 +198,34 @@ TEST(ForeignCameraFile, OfKalibrIsReadByTheCamerasName) {
               ElementsAre(-0.28, 0.07, 0.0002, 1.7e-05, 0, 0, 0, 0));
 }
 
+TEST(ForeignCameraFile, OfEurocAndOlderOpenCvAreRead) {
+  const auto euroc = CameraFromForeignText(
+      "camera_model: pinhole\ndistortion_model: radial-tangential\n"
+      "distortion_coefficients: [-0.28, 0.07, 0.0002, 1.7e-05]\n"
+      "intrinsics: [458.6, 457.3, 367.2, 248.4]\nresolution: [752, 480]\nrate_hz: 20\n",
+      "sensor.yaml");
+  ASSERT_TRUE(euroc.ok()) << euroc.status();
+  EXPECT_EQ(euroc->camera.intrinsics().distortion[1], 0.07);
+  const auto older = CameraFromForeignText(
+      "image_Width: 640\nimage_Height: 480\nCamera_Matrix: [535, 0, 320, 0, 536, 240, 0, 0, 1]\n"
+      "Distortion_Coefficients: [-0.2, 0.1, 0, 0, 0]\n",
+      "out_camera_data.yml");
+  ASSERT_TRUE(older.ok()) << older.status();
+  EXPECT_EQ(older->camera.intrinsics().fy, 536);
+}
+
+TEST(ForeignCameraFile, AMatrixOfBareNumbersIsRead) {
+  const ForeignCameraOptions size = {.image_size = {{640, 480}}};
+  const auto bare = CameraFromForeignText("535 0 320\n0 536 240\n0 0 1\n", "K.txt", size);
+  ASSERT_TRUE(bare.ok()) << bare.status();
+  EXPECT_EQ(bare->camera.intrinsics().fy, 536);
+  const auto distorted = CameraFromForeignText(
+      "[[535, 0, 320], [0, 536, 240], [0, 0, 1]]\n[-0.2, 0.1, 0, 0, 0]", "K.txt", size);
+  ASSERT_TRUE(distorted.ok()) << distorted.status();
+  EXPECT_EQ(distorted->camera.intrinsics().distortion[0], -0.2);
+  EXPECT_FALSE(CameraFromForeignText("1 2 3\n", "K.txt", size).ok());
+}
+
 TEST(ForeignCameraFile, EquidistantLensIsConvertedAndSaysHowWell) {
   const auto read = CameraFromForeignText(kKalibr, "camchain.yaml", {.camera = "cam1"});
   ASSERT_TRUE(read.ok()) << read.status();

@@ -138,7 +138,7 @@ TEST_F(WeakData, ViewsWithoutImageSizeAndTagsOfNoBoard) {
   ExpectRefused(sightings, kInvalid, "the view 'top', but the size of its images is not given");
   sightings = Look({.frames = 8});
   for (TagSighting& sighting : sightings) sighting.family = "tag36h11";
-  ExpectRefused(sightings, kInvalid, "none of the tags that were seen is on a board");
+  ExpectRefused(sightings, kInvalid, "none of the tags or corners that were seen is on a board");
 }
 
 TEST_F(WeakData, ImagesPairedShiftedByOne) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "calib/poses/pose_files.h"
+#include "calib/poses/pose_frames.h"
 
 namespace silhouette {
 namespace {
@@ -107,6 +108,44 @@ TEST(RobotPoseFile, JsonAndOneFilePerFrameAreRead) {
       {{"1", "1.txt", "[[0 -1 0 400]\n[1 0 0 0]\n[0 0 1 0]\n[0 0 0 1]]"}, {"2", "2.txt", "1 2"}},
       PoseNotation::Named("matrix", "mm").value());
   EXPECT_EQ(files.status().message(), "2.txt: a pose as 'matrix' is 16 or 12 numbers, not 2");
+}
+
+TEST(RobotPoseFile, TablesAreReadAsPeopleWriteThem) {
+  const RobotPose expected =
+      OnlyPose("frame,tx,ty,tz,qx,qy,qz,qw\na,0.4,-0.1,0.6,0.6,0,0,0.8\n", "quaternion");
+  ASSERT_NE(expected.base_from_flange.translation().x(), 0);
+  for (const char* const text :
+       {"\xEF\xBB\xBFimage,x,y,z,qw,qx,qy,qz\r\na,0.4,-0.1,0.6,0.8,0.6,0,0\r\n",
+        "% poses\n// of the arm\n# by hand\na 0.4 -0.1 0.6 0.6 0 0 0.8\n",
+        "Timestamp;pos_x;pos_y;pos_z;q_x;q_y;q_z;q_w\na;0,4;-0,1;0,6;0,6;0;0;0,8\n",
+        "a\t0,4\t-0,1\t0,6\t0,6\t0\t0\t0,8\n", "- [a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8]\n"}) {
+    const RobotPose pose = OnlyPose(text, "quaternion");
+    EXPECT_EQ(pose.frame, "a") << text;
+    EXPECT_TRUE(pose.base_from_flange.isApprox(expected.base_from_flange, 1e-12)) << text;
+  }
+}
+
+TEST(RobotPoseFile, MatricesMayBeOverSeveralLines) {
+  const PoseNotation notation = PoseNotation::Named("matrix", "mm").value();
+  const std::string first = "0 -1 0 400\n1 0 0 0\n0 0 1 0\n";
+  const std::string second = "1 0 0 100\n0 1 0 0\n0 0 1 300\n";
+  const std::string last = "0 0 0 1\n";
+  for (const std::string& text :
+       {first + last + second + last, first + last + "\n" + second + last + "\n",
+        "2\n\n" + first + last + "\n" + second + last, first + second,
+        std::string("[[[0, -1, 0, 400], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],"
+                    "[[1, 0, 0, 100], [0, 1, 0, 0], [0, 0, 1, 300], [0, 0, 0, 1]]]")}) {
+    const auto poses = RobotPosesFromText(text, "poses.txt", notation);
+    ASSERT_TRUE(poses.ok()) << poses.status() << text;
+    ASSERT_EQ(poses->size(), 2u) << text;
+    EXPECT_EQ((*poses)[1].frame, NameOfRow(2));
+    EXPECT_NEAR((*poses)[0].base_from_flange(1, 0), 1, 1e-12);
+    EXPECT_NEAR((*poses)[1].base_from_flange.translation().z(), 0.3, 1e-12);
+  }
+  const auto named =
+      RobotPosesFromText("a\n" + first + last + "b\n" + second + last, "p", notation);
+  ASSERT_TRUE(named.ok()) << named.status();
+  EXPECT_EQ((*named)[1].frame, "b");
 }
 
 TEST(RobotPoseFile, UnitsAreStatedOrRefusedAndNeverGuessed) {

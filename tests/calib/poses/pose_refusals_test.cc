@@ -7,7 +7,10 @@
 #include <utility>
 #include <vector>
 
+#include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_calibration.h"
+#include "calib/poses/pose_fit.h"
+#include "calib/poses/pose_frames.h"
 #include "tests/calib/poses/pose_rig.h"
 
 namespace silhouette {
@@ -164,7 +167,54 @@ TEST(PoseRefusals, InvertedPosesAreTold) {
   for (RobotPose& pose : rig.problem.robot_poses) {
     pose.base_from_flange = pose.base_from_flange.inverse();
   }
-  EXPECT_THAT(Refusal(rig.problem), HasSubstr("inverted"));
+  EXPECT_THAT(Refusal(rig.problem), AllOf(HasSubstr("inverted"), HasSubstr("--eye-in-hand")));
+}
+
+TEST(PoseRefusals, ListsThatWereSortedDifferentlyAreTold) {
+  for (const bool people : {true, false}) {
+    PoseRig rig = FlangeRig(7, 1, 18);
+    // frame1000 is img1, and frame1010 is img11.
+    const auto rename = [](std::string& frame) {
+      frame = "img" + std::to_string(std::stoi(frame.substr(5)) - 999);
+    };
+    for (TagSighting& seen : rig.problem.sightings) rename(seen.frame);
+    for (RobotPose& pose : rig.problem.robot_poses) rename(pose.frame);
+    rig.problem.robot_poses = SortedOtherwise(rig.problem.robot_poses, people);
+    EXPECT_THAT(Refusal(rig.problem), HasSubstr("were sorted differently")) << people;
+  }
+}
+
+TEST(PoseRefusals, SizesOfTheLastSolveAreHeldToTheSameLimit) {
+  const PoseRig rig = FlangeRig(7, 1, 18);
+  absl::StatusOr<PoseFit> fit = FitWithExactRobot(rig.problem);
+  ASSERT_TRUE(fit.ok()) << fit.status();
+  const auto refusal = [&](double size, double sigma, SizeTrust trust) {
+    fit->bundle.sizes.assign(fit->bundle.sizes.size(), 1);
+    fit->bundle.size_sigmas.assign(fit->bundle.sizes.size(), 0);
+    fit->bundle.sizes[0] = size;
+    fit->bundle.size_sigmas[0] = sigma;
+    return std::string(CheckFinalSizes(trust, *fit).message());
+  };
+  EXPECT_THAT(refusal(1.02, 1e-4, SizeTrust::kNeither),
+              AllOf(HasSubstr("measure 122.4 mm, not 120 mm"), HasSubstr("--trust-size")));
+  EXPECT_THAT(refusal(0.98, 1e-4, SizeTrust::kNeither), HasSubstr("measure 117.6 mm"));
+  EXPECT_EQ(refusal(1.009, 1e-4, SizeTrust::kNeither), "");
+  EXPECT_EQ(refusal(1.02, 0.01, SizeTrust::kNeither), "") << "that may be chance";
+  EXPECT_EQ(refusal(1.02, 1e-4, SizeTrust::kFound), "");
+  EXPECT_EQ(refusal(1.02, 1e-4, SizeTrust::kStated), "");
+}
+
+TEST(PoseRefusals, PosesWhoseUncertaintyCannotBeFoundAreRefused) {
+  const PoseRig rig = FlangeRig(7, 1, 18);
+  absl::StatusOr<PoseFit> fit = FitWithExactRobot(rig.problem);
+  ASSERT_TRUE(fit.ok()) << fit.status();
+  EXPECT_TRUE(EnlargeByCommonErrors(fit->bundle).ok());
+  // One frame: the camera may be anywhere, with the board on the flange.
+  const int flange = fit->bundle.corners.front().flange;
+  std::erase_if(fit->bundle.corners,
+                [&](const BundleCorner& corner) { return corner.flange != flange; });
+  EXPECT_THAT(std::string(EnlargeByCommonErrors(fit->bundle).message()),
+              HasSubstr("cannot be found, as the data hardly determine them"));
 }
 
 TEST(PoseRefusals, QuaternionsWithWInFrontAreTold) {

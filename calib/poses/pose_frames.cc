@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/poses/pose_frames.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "db/status/status_macros.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kRow[] = "row ";
+
+using Frames = std::vector<std::string>;
+
+size_t EndOfDigits(const std::string& text, size_t from) {
+  while (from < text.size() && absl::ascii_isdigit(static_cast<unsigned char>(text[from]))) ++from;
+  return from;
+}
+
+// The last number in a name; nothing if there is none, or it is a fraction's.
+std::optional<int64_t> NumberIn(const std::string& name) {
+  double whole = 0;
+  if (absl::SimpleAtod(name, &whole) && absl::StrContains(name, ".")) return std::nullopt;
+  std::optional<int64_t> number;
+  for (size_t i = 0; i < name.size(); ++i) {
+    const size_t end = EndOfDigits(name, i);
+    if (end == i) continue;
+    int64_t value = 0;
+    number =
+        absl::SimpleAtoi(name.substr(i, end - i), &value) ? std::optional(value) : std::nullopt;
+    i = end;
+  }
+  return number;
+}
+
+// Of names with numbers that differ; empty if some have none, or two have the same.
+std::map<int64_t, std::string> ByNumber(const Frames& names) {
+  std::map<int64_t, std::string> by_number;
+  for (const std::string& name : names) {
+    const std::optional<int64_t> number = NumberIn(name);
+    if (!number || !by_number.emplace(*number, name).second) return {};
+  }
+  return by_number;
+}
+
+std::string StemOf(const std::string& name) {
+  const std::filesystem::path path(absl::StrReplaceAll(name, {{"\\", "/"}}));
+  const std::string extension = path.extension().string();
+  const bool of_file =
+      extension.size() > 1 &&
+      std::ranges::all_of(
+          extension.substr(1),
+          [](char c) { return absl::ascii_isalnum(static_cast<unsigned char>(c)); }) &&
+      absl::ascii_isalpha(static_cast<unsigned char>(extension[1]));
+  return of_file ? path.stem().string() : path.filename().string();
+}
+
+size_t CountKnown(const std::vector<RobotPose>& poses, const Frames& frames) {
+  return static_cast<size_t>(std::ranges::count_if(poses, [&](const RobotPose& pose) {
+    return std::ranges::find(frames, pose.frame) != frames.end();
+  }));
+}
+
+bool AreDifferent(const std::vector<RobotPose>& poses) {
+  std::set<std::string> names;
+  return std::ranges::all_of(
+      poses, [&](const RobotPose& pose) { return names.insert(pose.frame).second; });
+}
+
+absl::StatusOr<std::string> NameRows(const Frames& frames, std::vector<RobotPose>& poses) {
+  const std::string order =
+      absl::StrCat("rows of robot poses have no frames; they are taken in the order of '",
+                   frames.front(), "' to '", frames.back(), "'");
+  if (frames.size() == poses.size()) {
+    for (size_t i = 0; i < poses.size(); ++i) poses[i].frame = frames[i];
+    return order;
+  }
+  const std::map<int64_t, std::string> by_number = ByNumber(frames);
+  const auto rows = static_cast<int64_t>(poses.size());
+  const int64_t first = by_number.empty() ? -1 : by_number.begin()->first;
+  const int64_t last = by_number.empty() ? -1 : by_number.rbegin()->first;
+  if (!(first == 0 && last < rows) && !(first > 0 && last == rows)) {
+    return InvalidArgument("there are ", poses.size(), " robot poses without frames, but ",
+                           frames.size(), " frames with sightings, '", frames.front(), "' to '",
+                           frames.back(), "'; put the frame first in each line of the poses");
+  }
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const auto found = by_number.find(static_cast<int64_t>(i) + (first == 0 ? 0 : 1));
+    if (found != by_number.end()) poses[i].frame = found->second;
+  }
+  return absl::StrCat(order, ", by their numbers");
+}
+
+}  // namespace
+
+bool IsBefore(const std::string& name, const std::string& other) {
+  size_t i = 0;
+  size_t k = 0;
+  while (i < name.size() && k < other.size()) {
+    const size_t i_end = EndOfDigits(name, i);
+    const size_t k_end = EndOfDigits(other, k);
+    if (i_end == i || k_end == k) {
+      if (name[i] != other[k]) return name[i] < other[k];
+      ++i;
+      ++k;
+      continue;
+    }
+    const auto digits = [](const std::string& text, size_t from, size_t to) {
+      const size_t value = std::min(text.find_first_not_of('0', from), to);
+      return text.substr(value, to - value);
+    };
+    const std::string number = digits(name, i, i_end);
+    const std::string other_number = digits(other, k, k_end);
+    if (number.size() != other_number.size()) return number.size() < other_number.size();
+    if (number != other_number) return number < other_number;
+    i = i_end;
+    k = k_end;
+  }
+  return name.size() - i != other.size() - k ? name.size() - i < other.size() - k : name < other;
+}
+
+std::string NameOfRow(size_t row) { return absl::StrCat(kRow, row); }
+
+absl::StatusOr<std::string> NamePosesByFrames(std::span<const TagSighting> sightings,
+                                              std::vector<RobotPose>& poses) {
+  std::set<std::string> seen;
+  for (const TagSighting& sighting : sightings) seen.insert(sighting.frame);
+  Frames frames(seen.begin(), seen.end());
+  std::ranges::sort(frames, IsBefore);
+  if (poses.empty() || frames.empty() || CountKnown(poses, frames) > 0) return std::string();
+  if (absl::StartsWith(poses.front().frame, kRow)) return NameRows(frames, poses);
+  std::vector<RobotPose> renamed = poses;
+  for (RobotPose& pose : renamed) pose.frame = StemOf(pose.frame);
+  if (CountKnown(renamed, frames) > 0 && AreDifferent(renamed)) {
+    poses = std::move(renamed);
+    return std::string();
+  }
+  Frames names;
+  for (const RobotPose& pose : poses) names.push_back(StemOf(pose.frame));
+  if (ByNumber(names).empty()) return std::string();
+  const std::map<int64_t, std::string> by_number = ByNumber(frames);
+  std::string example;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const auto found = by_number.find(*NumberIn(names[i]));
+    if (found == by_number.end()) continue;
+    if (example.empty()) example = absl::StrCat("'", poses[i].frame, "' to '", found->second, "'");
+    poses[i].frame = found->second;
+  }
+  if (example.empty()) return std::string();
+  return absl::StrCat("robot poses belong to frames by the numbers in their names: ", example);
+}
+
+std::vector<RobotPose> SortedOtherwise(const std::vector<RobotPose>& poses, bool people) {
+  Frames counted;
+  for (const RobotPose& pose : poses) counted.push_back(pose.frame);
+  Frames text = counted;
+  std::ranges::sort(counted, IsBefore);
+  std::ranges::sort(text);
+  if (counted == text) return {};
+  std::map<std::string, std::string> names;
+  for (size_t i = 0; i < text.size(); ++i) {
+    names.emplace(people ? text[i] : counted[i], people ? counted[i] : text[i]);
+  }
+  std::vector<RobotPose> renamed = poses;
+  for (RobotPose& pose : renamed) pose.frame = names.at(pose.frame);
+  return renamed;
+}
+
+}  // namespace silhouette

@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/poses/pose_table.h"
+
+#include <algorithm>
+#include <cstddef>
+#include <set>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+
+namespace silhouette {
+namespace {
+
+constexpr char kFrame[] = "frame";
+
+using Lines = std::vector<std::string>;
+
+bool IsNumber(const std::string& word) {
+  double number = 0;
+  return absl::SimpleAtod(word, &number);
+}
+
+Lines WithoutComments(absl::string_view text) {
+  absl::ConsumePrefix(&text, "\xEF\xBB\xBF");  // a byte-order mark
+  Lines lines = absl::StrSplit(text, '\n');
+  for (std::string& line : lines) {
+    const absl::string_view begin = absl::StripLeadingAsciiWhitespace(line);
+    for (const char* const mark : {"#", "%", "//"}) {
+      if (absl::StartsWith(begin, mark)) {
+        line.clear();
+        break;
+      }
+    }
+  }
+  return lines;
+}
+
+// "0,25": a number with a comma for a point.
+bool HasDecimalComma(absl::string_view field) {
+  const std::vector<std::string> parts = absl::StrSplit(field, ',');
+  return parts.size() == 2 && !parts[1].empty() &&
+         std::ranges::all_of(parts[1].substr(0, 1), absl::ascii_isdigit) && IsNumber(parts[0]);
+}
+
+// Of the lines one after the other; with the commas of those whose fields something else separates.
+void ReadDecimalCommas(Lines& lines) {
+  size_t decimal = 0;
+  for (const std::string& line : lines) {
+    const std::vector<std::string> fields =
+        absl::StrSplit(line, absl::ByAnyChar(" \t\r;"), absl::SkipEmpty());
+    for (const std::string& field : fields) {
+      if (field.find(',') == std::string::npos) continue;
+      if (fields.size() < 4 || !HasDecimalComma(field)) return;
+      ++decimal;
+    }
+  }
+  if (decimal == 0) return;
+  for (std::string& line : lines) absl::StrReplaceAll({{",", "."}}, &line);
+}
+
+// Matrices over several lines as one line each, where the first of theirs was.
+void JoinMatrices(Lines& lines) {
+  constexpr size_t kSide = 4;
+  std::vector<size_t> rows;
+  std::vector<size_t> titles;
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const std::vector<std::string> fields = PoseFields(lines[i]);
+    if (fields.empty()) continue;
+    const bool row = fields.size() == kSide && std::ranges::all_of(fields, IsNumber);
+    if (!row && fields.size() != 1) return;
+    (row ? rows : titles).push_back(i);
+  }
+  if (rows.size() < kSide - 1) return;
+  const bool whole = rows.size() >= kSide && lines[rows[3]].find('1') != std::string::npos &&
+                     PoseFields(lines[rows[3]])[3] != PoseFields(lines[rows[0]])[3] &&
+                     rows.size() % kSide == 0;
+  const size_t side = whole ? kSide : kSide - 1;
+  if (rows.size() % side != 0) return;
+  const bool named = titles.size() == rows.size() / side;
+  Lines joined(lines.size());
+  for (size_t i = 0; i < rows.size(); i += side) {
+    std::string& line = joined[rows[i]];
+    if (named) line = lines[titles[i / side]];
+    for (size_t k = i; k < i + side; ++k) absl::StrAppend(&line, " ", lines[rows[k]]);
+  }
+  lines = std::move(joined);
+}
+
+// What the notation calls a column; the name itself if it is none of its own.
+std::string ColumnOf(std::string name, const std::vector<std::string>& columns) {
+  static const std::set<std::string> frames = {"frame", "image", "file", "filename",  "name",
+                                               "id",    "index", "time", "timestamp", "stamp"};
+  static const std::set<std::string> positions = {"", "t", "p", "pos", "position", "translation"};
+  static const std::set<std::string> quaternions = {"q", "quat", "quaternion", "orientation",
+                                                    "rot"};
+  absl::AsciiStrToLower(&name);
+  name = absl::StrReplaceAll(name, {{"\"", ""}});
+  if (name.empty() || std::ranges::find(columns, name) != columns.end()) return name;
+  if (frames.contains(name)) return kFrame;
+  const std::string stem =
+      absl::StrReplaceAll(name.substr(0, name.size() - 1), {{"_", ""}, {".", ""}});
+  const size_t axis = std::string("xyzw").find(name.back());
+  if (axis == std::string::npos) return name;
+  if (axis < 3 && positions.contains(stem)) return columns[axis];
+  if (!quaternions.contains(stem) || columns.size() != 7) return name;
+  const bool real_first = columns[3] == "q1";
+  return columns[3 + (real_first ? (axis + 1) % 4 : axis)];
+}
+
+}  // namespace
+
+std::vector<std::string> PoseFields(const std::string& line) {
+  std::vector<std::string> fields =
+      absl::StrSplit(line, absl::ByAnyChar(" \t\r\n,;[](){}"), absl::SkipEmpty());
+  std::erase(fields, "-");  // YAML's of a list
+  return fields;
+}
+
+PoseTable PoseTableOf(const std::string& text, const PoseNotation& notation) {
+  PoseTable table;
+  Lines lines = WithoutComments(text);
+  ReadDecimalCommas(lines);
+  const bool matrix = notation.name() == "matrix";
+  if (matrix) JoinMatrices(lines);
+  table.columns = notation.columns();
+  bool first = true;
+  for (std::string& line : lines) {
+    std::vector<std::string> fields = PoseFields(line);
+    const bool commas = line.find(',') != std::string::npos;
+    if (!commas || line.find('[') != std::string::npos) line = absl::StrJoin(fields, ",");
+    if (fields.empty() || !first) continue;
+    first = false;
+    table.named = !IsNumber(fields.back());
+    if (table.named) {
+      for (std::string& name : fields) name = ColumnOf(name, notation.columns());
+      line = absl::StrJoin(fields, ",");
+      const bool known = std::ranges::find(fields, table.columns.front()) != fields.end();
+      table.has_frames = !known || std::ranges::find(fields, kFrame) != fields.end();
+    } else {
+      if (matrix && (fields.size() == 12 || fields.size() == 13)) table.columns.resize(12);
+      table.has_frames = fields.size() != table.columns.size();
+    }
+  }
+  if (table.has_frames) table.columns.insert(table.columns.begin(), kFrame);
+  table.csv = absl::StrJoin(lines, "\n");
+  return table;
+}
+
+}  // namespace silhouette

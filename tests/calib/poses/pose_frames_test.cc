@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Poses and images that are called differently find each other, or the reason is given.
+#include "calib/poses/pose_frames.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+using Names = std::vector<std::string>;
+
+std::vector<RobotPose> PosesCalled(const Names& names) {
+  std::vector<RobotPose> poses;
+  for (const std::string& name : names) poses.push_back({.frame = name});
+  return poses;
+}
+
+std::vector<RobotPose> Rows(size_t count) {
+  std::vector<RobotPose> poses;
+  for (size_t row = 1; row <= count; ++row) poses.push_back({.frame = NameOfRow(row)});
+  return poses;
+}
+
+Names NamesOf(const std::vector<RobotPose>& poses) {
+  Names names;
+  for (const RobotPose& pose : poses) names.push_back(pose.frame);
+  return names;
+}
+
+// The names that the poses get, or a refusal; and the warning.
+struct Named {
+  Names names;
+  std::string message;
+};
+
+Named NamedBy(const Names& frames, std::vector<RobotPose> poses) {
+  std::vector<TagSighting> sightings;
+  for (const std::string& frame : frames) sightings.emplace_back().frame = frame;
+  const auto said = NamePosesByFrames(sightings, poses);
+  return {NamesOf(poses), said.ok() ? *said : std::string(said.status().message())};
+}
+
+TEST(PoseFrames, AreSortedAsPeopleCount) {
+  EXPECT_TRUE(IsBefore("img2", "img10"));
+  EXPECT_FALSE(IsBefore("img10", "img2"));
+  EXPECT_TRUE(IsBefore("img009", "img10"));
+  EXPECT_TRUE(IsBefore("a", "a1"));
+  EXPECT_FALSE(IsBefore("a", "a"));
+  EXPECT_TRUE(IsBefore("img01", "img1") != IsBefore("img1", "img01"));
+}
+
+TEST(PoseFrames, EqualNamesAreKeptWithoutAWord) {
+  const Named named = NamedBy({"a", "b"}, PosesCalled({"b", "c"}));
+  EXPECT_THAT(named.names, ElementsAre("b", "c"));
+  EXPECT_THAT(named.message, IsEmpty());
+}
+
+TEST(PoseFrames, NamesOfFilesLoseFolderAndExtension) {
+  EXPECT_THAT(NamedBy({"img1", "img2"}, PosesCalled({"images/img2.png", "images/img1.png"})).names,
+              ElementsAre("img2", "img1"));
+}
+
+TEST(PoseFrames, OtherNamesBelongTogetherByTheirNumbers) {
+  const Named named = NamedBy({"img1", "img2", "img10"}, PosesCalled({"0002", "0010", "0011"}));
+  EXPECT_THAT(named.names, ElementsAre("img2", "img10", "0011"));
+  EXPECT_THAT(named.message, HasSubstr("'0002' to 'img2'"));
+  EXPECT_THAT(NamedBy({"img1"}, PosesCalled({"a"})).names, ElementsAre("a"));
+  EXPECT_THAT(NamedBy({"img1"}, PosesCalled({"1403715.1"})).names, ElementsAre("1403715.1"));
+}
+
+TEST(PoseFrames, RowsWithoutFramesAreInTheOrderOfTheImages) {
+  const Named all = NamedBy({"img10", "img1", "img2"}, Rows(3));
+  EXPECT_THAT(all.names, ElementsAre("img1", "img2", "img10"));
+  EXPECT_THAT(all.message, HasSubstr("have no frames"));
+}
+
+TEST(PoseFrames, RowsOfImagesWithoutABoardAreSkippedByTheNumbersOfTheOthers) {
+  EXPECT_THAT(NamedBy({"img1", "img4"}, Rows(4)).names,
+              ElementsAre("img1", NameOfRow(2), NameOfRow(3), "img4"));
+  EXPECT_THAT(NamedBy({"img0", "img2"}, Rows(4)).names,
+              ElementsAre("img0", NameOfRow(2), "img2", NameOfRow(4)));
+}
+
+TEST(PoseFrames, RowsThatCannotBeAssignedAreRefusedWithTheMend) {
+  EXPECT_THAT(NamedBy({"img1", "img3"}, Rows(4)).message,
+              AllOf(HasSubstr("4 robot poses without frames"), HasSubstr("put the frame first")));
+  EXPECT_THAT(NamedBy({"a", "b"}, Rows(3)).message, HasSubstr("put the frame first"));
+}
+
+}  // namespace
+}  // namespace silhouette
