@@ -171,10 +171,10 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
     std::set<std::string> families;
     for (const Board& board : boards) families.insert(board.family());
     return InvalidArgument(
-        "none of the tags or corners that were seen is on a board; give the boards that were used ",
-        "(family, first_id, and columns x rows matter): seen were those of ",
-        sightings.empty() ? "none" : sightings.front().family, ", the boards' are of ",
-        absl::StrJoin(families, ", "));
+        "none of the tags or corners that were seen is on a board: the first is of ",
+        sightings.empty() ? "none" : sightings.front().family, ", the boards have ",
+        absl::StrJoin(families, ", "),
+        "; correct --boards (family, first_id, and columns x rows matter)");
   }
   RETURN_IF_ERROR(ChooseBoards(cameras, boards, seen_boards, out));
 

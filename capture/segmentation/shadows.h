@@ -12,17 +12,18 @@ namespace silhouette {
 
 // 8-bit, 255 or 0.
 struct FoundShadows {
-  cv::Mat certain;  // a shadow on the empty cell
-  cv::Mat
-      possible;  // a shadow could explain it: no darker than one can be, no brighter than expected
+  // Shadows on the empty cell.
+  cv::Mat certain;
+  // What a shadow could explain: no darker than one can be, no brighter than expected.
+  cv::Mat possible;
 };
 
 // Which pixels of `foreground` are shadows. A pixel is certainly one if over the foreground
-// around it that is darker than expected
+// around it that is clearly darker than expected
 // - the image is what is expected times one factor, the same in all channels, up to noise; and
 // - that is far more probable than a surface of one colour: the cell's own texture is seen.
 // Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
-// the same. Among such pixels - where they are half of the foreground around, at least - those
+// the same. Among such pixels - where they are 40 % of the foreground around, at least - those
 // belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
 // 8-bit, not 0 where foreground, of the image's size.
 FoundShadows FindShadows(const cv::Mat& image, const Reference& reference,

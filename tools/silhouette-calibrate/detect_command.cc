@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate detect
 #include <algorithm>
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -11,6 +13,9 @@
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <set>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -59,6 +64,19 @@ absl::StatusOr<DetectSettings> SettingsFor(const DetectArguments& arguments,
   return LoadDetectSettings(arguments.boards, arguments.cameras, views, arguments.draw);
 }
 
+// Of 16 bits, of which cameras use 10, 12, 14 or all: as few as hold the image, but for a
+// thousandth of its pixels.
+cv::Mat EightBits(const cv::Mat& image) {
+  std::vector<uint16_t> levels(image.begin<uint16_t>(), image.end<uint16_t>());
+  const auto nearly_most = levels.begin() + static_cast<ptrdiff_t>(0.999 * levels.size());
+  std::ranges::nth_element(levels, nearly_most);
+  int bits = 10;
+  while (bits < 16 && *nearly_most >> bits != 0) bits += 2;
+  cv::Mat scaled;
+  image.convertTo(scaled, CV_8U, 255.0 / ((1 << bits) - 1));
+  return scaled;
+}
+
 // Grey, in the camera's own orientation whatever the file says of how to hold it.
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
   cv::Mat image =
@@ -68,11 +86,9 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
                            "' cannot be read as an image; remove it, or mend its view's "
                            "pattern");
   }
+  if (image.depth() == CV_16U) return EightBits(image);
   if (image.depth() != CV_8U) {
-    // Cameras put 10 or 12 bits into 16.
-    double most = 0;
-    cv::minMaxIdx(image, nullptr, &most);
-    image.convertTo(image, CV_8U, most > 0 ? 255 / most : 1);
+    return InvalidArgument("'", path, "' has neither 8 nor 16 bits a pixel; convert it to such");
   }
   return image;
 }
@@ -145,30 +161,33 @@ std::string OtherBoards(const std::vector<ListedImage>& images,
 }
 
 // A smaller chessboard is found in a larger one, now and then. InvalidArgument if few images show
-// the boards, and others a larger chessboard.
+// the only board, a chessboard, and others a larger one.
 absl::Status CheckChessboardSize(const DetectSession& session, const std::vector<Board>& boards) {
-  constexpr size_t kImages = 3;
+  constexpr size_t kImages = 5;
+  constexpr size_t kLeast = 2;
+  const BoardDescription& stated = boards.front().description();
+  if (boards.size() > 1 || stated.kind != BoardKind::kChessboard) return absl::OkStatus();
   std::vector<const SessionImage*> without;
   for (const SessionImage& image : session.images()) {
     if (image.tags.tags.empty()) without.push_back(&image);
   }
   if (2 * without.size() <= session.images().size()) return absl::OkStatus();
-  int rows = 0;
-  int columns = 0;
-  for (const Board& board : boards) {
-    const BoardDescription& d = board.description();
-    if (d.kind != BoardKind::kChessboard) return absl::OkStatus();
-    rows = std::max(rows, std::min(d.rows, d.columns));
-    columns = std::max(columns, std::max(d.rows, d.columns));
-  }
-  for (size_t i = 0; i < std::min(kImages, without.size()); ++i) {
+  const int rows = std::min(stated.rows, stated.columns);
+  const int columns = std::max(stated.rows, stated.columns);
+  const size_t step = (without.size() + kImages - 1) / kImages;
+  std::map<std::pair<int, int>, std::vector<std::string>> larger;  // images, by the size
+  for (size_t i = 0; i < without.size(); i += step) {
     const absl::StatusOr<cv::Mat> image = ReadImage(without[i]->source);
     const std::optional<GridSize> size = image.ok() ? ChessboardIn(*image) : std::nullopt;
-    if (!size || size->columns * size->rows <= columns * rows) continue;
+    if (!size || size->columns < columns || size->rows < rows) continue;
+    larger[{size->columns, size->rows}].push_back(without[i]->source);
+  }
+  for (const auto& [size, images] : larger) {
+    if (images.size() < kLeast || size == std::pair(columns, rows)) continue;
     return InvalidArgument(session.images().size() - without.size(), " of ",
                            session.images().size(), " images show a chessboard of ", columns, "x",
-                           rows, " inner corners; '", without[i]->source, "' shows one of ",
-                           size->columns, "x", size->rows,
+                           rows, " inner corners; others, such as '", images.front(),
+                           "', show one of ", size.first, "x", size.second,
                            ": correct --boards, which counts inner corners, not squares");
   }
   return absl::OkStatus();

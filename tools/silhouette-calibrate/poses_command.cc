@@ -135,6 +135,9 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   if (absl::IsFailedPrecondition(solution.status())) {
+    for (const std::string& warning : problem.warnings) {
+      std::cerr << "silhouette-calibrate: " << warning << "\n";
+    }
     std::cerr << "silhouette-calibrate: " << solution.status().message();
     const std::string hint = HintOfUnit(sources, std::string(solution.status().message()));
     if (!hint.empty()) std::cerr << "\n" << hint;
@@ -170,6 +173,9 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
   if (!report.refusal.empty()) {
     const std::string hint = HintOfUnit(sources, report.refusal);
     if (!hint.empty()) absl::StrAppend(&report.refusal, "; ", hint);
+    for (const std::string& warning : problem.warnings) {
+      std::cerr << "silhouette-calibrate: " << warning << "\n";
+    }
     std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
   } else if (!IsStable(report)) {
     std::cerr << "silhouette-calibrate: the calibration is not stable: other frames give another, "

@@ -333,7 +333,10 @@ bool Fits(PoseProblem problem) {
 
 // How else the numbers of the robot's poses may be meant; empty if that does not fit either.
 std::string HintOfNotation(const PoseSources& sources) {
-  std::vector<Eigen::Isometry3d> tried;  // the last poses; many notations are alike
+  const absl::StatusOr<PoseProblem> stated = ReadPoseProblem(sources);
+  if (!stated.ok() || stated->robot_poses.empty()) return "";
+  // The last poses; many notations say the same.
+  std::vector<Eigen::Isometry3d> tried = {stated->robot_poses.back().base_from_flange};
   for (const std::string& name : PoseNotation::Names()) {
     for (const char* const units : {"m,rad", "mm,deg", "m,deg", "mm,rad", "m", "mm"}) {
       if (!PoseNotation::Named(name, units).ok()) continue;

@@ -207,7 +207,7 @@ TEST(BoardFile, GivesKalibrsAprilGridWithTheFirstRowAtTheBottom) {
   const auto read = BoardsFromText(
       "target_type: 'aprilgrid' #gridtype\n"
       "tagCols: 6               #number of apriltags\n"
-      "tagRows: 6\ntagSize: 0.088\ntagSpacing: 0.3\n",
+      "tagRows: 6\ntagSize: 0.088\ntagSpacing: 0.3\ncodeOffset: 40\n",
       "april_6x6.yaml");
   ASSERT_TRUE(read.ok()) << read.status();
   ASSERT_EQ(read->size(), 1u);
@@ -216,11 +216,11 @@ TEST(BoardFile, GivesKalibrsAprilGridWithTheFirstRowAtTheBottom) {
   EXPECT_EQ(board.tags(), 36);
   EXPECT_NEAR(board.description().gap, 0.0264, 1e-12);
   const double pitch = 0.088 * 1.3;
-  EXPECT_TRUE(board.CornersOf(0)[0].isApprox(Eigen::Vector3d(0, 5 * pitch + 0.088, 0)));
-  EXPECT_TRUE(board.CornersOf(7)[3].isApprox(Eigen::Vector3d(pitch, 4 * pitch, 0)));
+  EXPECT_TRUE(board.CornersOf(40)[0].isApprox(Eigen::Vector3d(0, 5 * pitch + 0.088, 0)));
+  EXPECT_TRUE(board.CornersOf(47)[3].isApprox(Eigen::Vector3d(pitch, 4 * pitch, 0)));
   const auto again = BoardsFromText(BoardFileText(*read), "boards.yaml");
   ASSERT_TRUE(again.ok()) << again.status();
-  EXPECT_EQ(again->front().CornersOf(0)[0], board.CornersOf(0)[0]);
+  EXPECT_EQ(again->front().CornersOf(40)[0], board.CornersOf(40)[0]);
 }
 
 TEST(BoardFile, GivesKalibrsCheckerboard) {

@@ -144,7 +144,8 @@ class Episode {
 
   Situation Now(const Checker* checker) {
     const SpeedRule& rule = stage_.rule();
-    return {.robot = robot_,
+    return {.time = now_,
+            .robot = robot_,
             .truth = truth_,
             .checker = checker,
             .inside_fence = AnyInside(people_, times_, rule.Fence()),

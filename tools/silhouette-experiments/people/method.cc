@@ -24,9 +24,9 @@ constexpr char kSilhouette[] = "silhouette";
 constexpr double kWayOut = 0.3;
 constexpr double kGain = 0.03;
 constexpr double kSameDistance = 0.02;
-// Who is nearer than this may be touched by a robot that turns away.
+// Who is nearer than this may be touched by a robot that turns away, metres.
 constexpr double kLeastToLeave = 0.05;
-// How fast somebody comes nearer is judged from this many decisions.
+// How fast somebody comes nearer is judged by this many decisions.
 constexpr size_t kDecisionsOfApproach = 3;
 
 // Between places at which the oracle looks, metres.
@@ -96,12 +96,14 @@ class SpeedLevels : public Method {
 
   Decision Decide(const Situation& now) override {
     const std::vector<SpeedLevel>& levels = rule().separation.levels;
-    for (size_t level = levels.size(); level-- > 0;) {
-      const auto way = Along(now, now.robot.Ahead(levels[level].speed * rule().period));
+    std::optional<PathDistance> way;
+    size_t kept = levels.size();
+    do {
+      way = Along(now, now.robot.Ahead(levels[kept - 1].speed * rule().period));
       if (!way) return {};
-      if (level + 1 == levels.size()) Note(way->at_start);
-      if (way->distance >= protective_[level]) return {levels[level].speed};
-    }
+    } while (way->distance < protective_[kept - 1] && --kept > 0);
+    Note(now.time, way->at_start);
+    if (kept > 0) return {levels[kept - 1].speed};
     if (LeadsAway(now, now.robot.Ahead(kWayOut))) return {levels.front().speed, true};
     return {};
   }
@@ -137,17 +139,20 @@ class SpeedLevels : public Method {
   const std::vector<double>& protective() const { return protective_; }
 
  private:
-  void Note(double distance) {
-    recent_.push_back(distance);
-    if (recent_.size() > kDecisionsOfApproach) recent_.erase(recent_.begin());
+  void Note(double time, double distance) {
+    if (!noted_.empty() && noted_.back().time == time) noted_.pop_back();
+    noted_.push_back({time, distance});
+    if (noted_.size() > kDecisionsOfApproach) noted_.erase(noted_.begin());
   }
-  // What somebody who comes nearer as fast as of late covers until the robot stands, metres.
+  // How far somebody comes until the robot stands, at the greatest speed of late; metres.
   double Approach() const {
     double fastest = 0;
-    for (size_t i = 1; i < recent_.size(); ++i) {
-      fastest = std::max(fastest, (recent_[i - 1] - recent_[i]) / rule().period);
+    for (size_t i = 1; i < noted_.size(); ++i) {
+      const double nearer = noted_[i - 1].distance - noted_[i].distance;
+      if (nearer > 0) fastest = std::max(fastest, nearer / (noted_[i].time - noted_[i - 1].time));
     }
-    return fastest * (rule().latency + rule().period + rule().separation.levels.front().stopping_time);
+    return fastest *
+           (rule().latency + rule().period + rule().separation.levels.front().stopping_time);
   }
   bool LeadsAway(const Situation& now, const std::vector<Configuration>& way) const {
     if (way.size() < 2) return false;
@@ -182,7 +187,11 @@ class SpeedLevels : public Method {
   }
 
   const std::vector<double> protective_;
-  std::vector<double> recent_;  // distances at the last decisions, the newest last
+  struct Noted {
+    double time = 0;
+    double distance = 0;
+  };
+  std::vector<Noted> noted_;  // at the last decisions, the newest last
 };
 
 class Oracle : public SpeedLevels {

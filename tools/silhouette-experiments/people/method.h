@@ -46,6 +46,7 @@ SpeedRule DefaultRule(double reach);
 
 // The cell at the moment of a decision.
 struct Situation {
+  double time = 0;  // seconds since the episode began
   const PathFollower& robot;
   Truth& truth;
   // Of the newest images that are ready; null: there are none, or the method does not look.

@@ -4,12 +4,19 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <memory>
+#include <numbers>
+#include <vector>
 
 #include "tests/capture/session/program_cell.h"
 #include "tools/silhouette-experiments/people/figures.h"
+#include "tools/silhouette-experiments/people/method.h"
+#include "tools/silhouette-experiments/people/motion.h"
+#include "tools/silhouette-experiments/people/person.h"
 #include "tools/silhouette-experiments/people/study.h"
+#include "tools/silhouette-experiments/people/truth.h"
 
 namespace silhouette::people_experiment {
 namespace {
@@ -63,6 +70,36 @@ TEST_F(PeopleTest, TheOracleTouchesNobodyWhileItMovesAndWorks) {
   EXPECT_EQ(all.contacts_moving, 0);
   EXPECT_GT(all.people_seconds, 0);
   EXPECT_GT(all.cycles, 0);
+}
+
+// People at 19 places around the robot: who stands there, and who walks there to the robot.
+TEST_F(PeopleTest, TheRobotLeavesWhoStandsBesideItAndWaitsForWhoWalksToIt) {
+  const double floor = workplace_->simulation().settings().room.lower.z();
+  PathFollower robot(
+      stage_->stations()[0],
+      [&](auto from, auto to) { return MovementOf(stage_->robot(), from, to); },
+      stage_->rule().acceleration);
+  robot.Follow({stage_->stations()[0], stage_->stations()[1]});
+  Truth truth(*workplace_, stage_->robot(), 1);
+  const auto leaves = [&](double angle, double speed) {
+    const auto method = MakeMethod("oracle", stage_->rule());
+    Decision decision;
+    for (const double until : {0.2, 0.1, 0.0}) {
+      const double radius = 0.75 + speed * until;
+      const Person person({{.position = {radius * std::cos(angle), radius * std::sin(angle)}}},
+                          floor);
+      truth.Set({&person, 1}, std::vector<double>{0});
+      decision = method->Decide({.time = 1 - until, .robot = robot, .truth = truth});
+    }
+    return decision.leaves;
+  };
+  int left = 0;
+  for (double angle = -std::numbers::pi; angle < std::numbers::pi; angle += 0.33) {
+    if (!leaves(angle, 0)) continue;
+    ++left;
+    EXPECT_FALSE(leaves(angle, 1.6)) << angle;
+  }
+  EXPECT_GT(left, 0);
 }
 
 TEST_F(PeopleTest, TheCurtainIsToldToStandAsSoonAsSomebodyIsInside) {
