@@ -2,13 +2,19 @@
 #include "calib/poses/pose_frames.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
+#include <string>
 #include <utility>
+#include <vector>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -44,9 +50,12 @@ std::optional<int64_t> NumberIn(const std::string& name) {
   return number;
 }
 
+// Names by the numbers in them.
+using Numbered = std::map<int64_t, std::string>;
+
 // Of names with numbers that differ; empty if some have none, or two have the same.
-std::map<int64_t, std::string> ByNumber(const Frames& names) {
-  std::map<int64_t, std::string> by_number;
+Numbered ByNumber(const Frames& names) {
+  Numbered by_number;
   for (const std::string& name : names) {
     const std::optional<int64_t> number = NumberIn(name);
     if (!number || !by_number.emplace(*number, name).second) return {};
@@ -82,15 +91,20 @@ absl::StatusOr<std::string> NameRows(const Frames& frames, std::vector<RobotPose
   const std::string order =
       absl::StrCat("rows of robot poses have no frames; they are taken in the order of '",
                    frames.front(), "' to '", frames.back(), "'");
-  if (frames.size() == poses.size()) {
-    for (size_t i = 0; i < poses.size(); ++i) poses[i].frame = frames[i];
-    return order;
-  }
-  const std::map<int64_t, std::string> by_number = ByNumber(frames);
+  const Numbered by_number = ByNumber(frames);
   const auto rows = static_cast<int64_t>(poses.size());
   const int64_t first = by_number.empty() ? -1 : by_number.begin()->first;
   const int64_t last = by_number.empty() ? -1 : by_number.rbegin()->first;
-  if (!(first == 0 && last < rows) && !(first > 0 && last == rows)) {
+  if (frames.size() == poses.size()) {
+    if (!by_number.empty() && last - first != rows - 1) {
+      return InvalidArgument("robot poses have no frames, and numbers are missing between '",
+                             by_number.begin()->second, "' and '", by_number.rbegin()->second,
+                             "'; put the frame first in each line of the poses");
+    }
+    for (size_t i = 0; i < poses.size(); ++i) poses[i].frame = frames[i];
+    return order;
+  }
+  if (!(first == 0 && last == rows - 1) && !(first > 0 && last == rows)) {
     return InvalidArgument("there are ", poses.size(), " robot poses without frames, but ",
                            frames.size(), " frames with sightings, '", frames.front(), "' to '",
                            frames.back(), "'; put the frame first in each line of the poses");
@@ -100,6 +114,32 @@ absl::StatusOr<std::string> NameRows(const Frames& frames, std::vector<RobotPose
     if (found != by_number.end()) poses[i].frame = found->second;
   }
   return absl::StrCat(order, ", by their numbers");
+}
+
+// A name whose number the others do not have; empty if there is none.
+std::string Unmatched(const Numbered& names, const Numbered& others) {
+  const auto found =
+      std::ranges::find_if(names, [&](const auto& named) { return !others.contains(named.first); });
+  return found == names.end() ? std::string() : found->second;
+}
+
+// Numbers are certain if all of one list are in the other, and not one counts from 0, the other
+// from 1.
+absl::Status CheckNumbers(const Numbered& poses, const Numbered& frames) {
+  const int64_t first_pose = poses.begin()->first;
+  const int64_t first_frame = frames.begin()->first;
+  const bool same_start = first_pose == first_frame || std::min(first_pose, first_frame) != 0 ||
+                          std::max(first_pose, first_frame) != 1;
+  const std::string pose = Unmatched(poses, frames);
+  const std::string frame = Unmatched(frames, poses);
+  const bool uncertain = !pose.empty() && !frame.empty();
+  if (same_start && !uncertain) return absl::OkStatus();
+  return InvalidArgument(
+      "robot poses are numbered ", first_pose, " to ", poses.rbegin()->first, ", images ",
+      first_frame, " to ", frames.rbegin()->first,
+      uncertain ? absl::StrCat("; pose '", pose, "' and image '", frame, "' have no counterpart")
+                : std::string(),
+      "; use the same names for both");
 }
 
 }  // namespace
@@ -148,17 +188,22 @@ absl::StatusOr<std::string> NamePosesByFrames(std::span<const TagSighting> sight
   }
   Frames names;
   for (const RobotPose& pose : poses) names.push_back(StemOf(pose.frame));
-  if (ByNumber(names).empty()) return std::string();
-  const std::map<int64_t, std::string> by_number = ByNumber(frames);
+  const Numbered poses_by_number = ByNumber(names);
+  const Numbered frames_by_number = ByNumber(frames);
+  if (poses_by_number.empty() || frames_by_number.empty()) return std::string();
+  RETURN_IF_ERROR(CheckNumbers(poses_by_number, frames_by_number));
+  size_t matched = 0;
   std::string example;
   for (size_t i = 0; i < poses.size(); ++i) {
-    const auto found = by_number.find(*NumberIn(names[i]));
-    if (found == by_number.end()) continue;
-    if (example.empty()) example = absl::StrCat("'", poses[i].frame, "' to '", found->second, "'");
+    const auto found = frames_by_number.find(*NumberIn(names[i]));
+    if (found == frames_by_number.end()) continue;
+    if (matched == 0) example = absl::StrCat("'", poses[i].frame, "' to '", found->second, "'");
     poses[i].frame = found->second;
+    ++matched;
   }
-  if (example.empty()) return std::string();
-  return absl::StrCat("robot poses belong to frames by the numbers in their names: ", example);
+  return absl::StrCat(
+      matched, " of ", poses.size(),
+      " robot poses are matched with images by the numbers in their names: ", example);
 }
 
 std::vector<RobotPose> SortedOtherwise(const std::vector<RobotPose>& poses, bool people) {

@@ -19,9 +19,9 @@ bool IsBefore(const std::string& name, const std::string& other);
 std::string NameOfRow(size_t row);
 
 // Names the poses as the sightings' frames: by their order if they are of rows without frames;
-// else, if no name is the same, by the names without folder and extension, or by the numbers in
-// them. Returns a warning that says how; empty if nothing had to be guessed. InvalidArgument: rows
-// without frames, and it is not certain which is whose.
+// otherwise matched by file name, without folder and extension, or, with a warning, by number.
+// Returns the warning; empty if nothing had to be guessed. InvalidArgument: it is not certain which
+// row or number belongs to which frame.
 absl::StatusOr<std::string> NamePosesByFrames(std::span<const TagSighting> sightings,
                                               std::vector<RobotPose>& poses);
 

@@ -2,9 +2,12 @@
 #include "calib/poses/pose_table.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <set>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
@@ -20,12 +23,95 @@ namespace silhouette {
 namespace {
 
 constexpr char kFrame[] = "frame";
+constexpr char kSignMend[] = " (write the sign with its number)";
 
 using Lines = std::vector<std::string>;
 
 bool IsNumber(const std::string& word) {
   double number = 0;
   return absl::SimpleAtod(word, &number);
+}
+
+// A '-' that stands alone may be a sign that lost its number. It is one field with the number,
+// which nothing reads as a number.
+Lines FieldsOf(absl::string_view text) {
+  const Lines words = absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[](){}"), absl::SkipEmpty());
+  Lines fields;
+  for (size_t i = 0; i < words.size(); ++i) {
+    fields.push_back(words[i]);
+    if (words[i] != "-") continue;
+    if (i + 1 < words.size()) absl::StrAppend(&fields.back(), " ", words[++i]);
+    fields.back() += kSignMend;
+  }
+  return fields;
+}
+
+// YAML's mark of a list: before a bracket or a name, where it cannot be a sign.
+bool ConsumeListMarks(absl::string_view& line) {
+  absl::string_view rest = absl::StripLeadingAsciiWhitespace(line);
+  bool marked = false;
+  while (rest.size() > 1 && rest[0] == '-' &&
+         absl::ascii_isspace(static_cast<unsigned char>(rest[1]))) {
+    rest = absl::StripLeadingAsciiWhitespace(rest.substr(1));
+    marked = true;
+  }
+  if (!marked || rest.empty()) return false;
+  const char next = rest.front();
+  if (next != '[' && next != '"' && !absl::ascii_isalpha(static_cast<unsigned char>(next))) {
+    return false;
+  }
+  line = rest;
+  return true;
+}
+
+// Takes the marks away if every line has one.
+void ReadListMarks(Lines& lines) {
+  Lines unmarked = lines;
+  for (std::string& line : unmarked) {
+    absl::string_view rest = absl::StripAsciiWhitespace(line);
+    if (rest.empty()) continue;
+    if (!ConsumeListMarks(rest)) return;
+    line = std::string(rest);
+  }
+  lines = std::move(unmarked);
+}
+
+// A table that CsvRows and CsvRow refuse at this line, which they cite with the field.
+PoseTable RefusedAt(size_t line, const std::string& field, const PoseNotation& notation) {
+  PoseTable table;
+  table.columns = notation.columns();
+  table.has_frames = false;
+  table.csv =
+      absl::StrCat(std::string(line, '\n'), absl::StrJoin(Lines(table.columns.size(), field), ","));
+  return table;
+}
+
+// Whether brackets hold fields; those within a name, as in "img (1)", do not.
+bool HasBracketsOfFields(const std::string& line) {
+  const Lines fields = absl::StrSplit(line, ',');
+  return std::ranges::any_of(fields, [](absl::string_view field) {
+    field = absl::StripLeadingAsciiWhitespace(field);
+    const auto count = [field](absl::string_view marks) {
+      return std::ranges::count_if(field, [marks](char c) { return absl::StrContains(marks, c); });
+    };
+    return field.find_first_of("[({") == 0 || count("[({") != count("])}");
+  });
+}
+
+// The first field with a sign that stands alone; empty if there is none. Between commas it is the
+// first word: a name may be "run - 3".
+std::string LoneSignIn(const std::string& line) {
+  Lines firsts = FieldsOf(line);
+  if (line.find(',') != std::string::npos && !HasBracketsOfFields(line)) {
+    firsts.clear();
+    for (const absl::string_view field : absl::StrSplit(line, ',')) {
+      const Lines words = FieldsOf(field);
+      if (!words.empty()) firsts.push_back(words.front());
+    }
+  }
+  const auto found = std::ranges::find_if(
+      firsts, [](const std::string& field) { return absl::EndsWith(field, kSignMend); });
+  return found == firsts.end() ? std::string() : *found;
 }
 
 Lines WithoutComments(absl::string_view text) {
@@ -66,22 +152,31 @@ void ReadDecimalCommas(Lines& lines) {
   for (std::string& line : lines) absl::StrReplaceAll({{",", "."}}, &line);
 }
 
+bool IsLastOfMatrix(const std::string& line) {
+  constexpr std::array<double, 4> kLast = {0, 0, 0, 1};
+  return std::ranges::equal(FieldsOf(line), kLast, [](const std::string& field, double expected) {
+    double number = 0;
+    return absl::SimpleAtod(field, &number) && number == expected;
+  });
+}
+
 // Matrices over several lines as one line each, where the first of theirs was.
 void JoinMatrices(Lines& lines) {
   constexpr size_t kSide = 4;
   std::vector<size_t> rows;
   std::vector<size_t> titles;
   for (size_t i = 0; i < lines.size(); ++i) {
-    const std::vector<std::string> fields = PoseFields(lines[i]);
+    const std::vector<std::string> fields = FieldsOf(lines[i]);
     if (fields.empty()) continue;
     const bool row = fields.size() == kSide && std::ranges::all_of(fields, IsNumber);
     if (!row && fields.size() != 1) return;
     (row ? rows : titles).push_back(i);
   }
   if (rows.size() < kSide - 1) return;
-  const bool whole = rows.size() >= kSide && lines[rows[3]].find('1') != std::string::npos &&
-                     PoseFields(lines[rows[3]])[3] != PoseFields(lines[rows[0]])[3] &&
-                     rows.size() % kSide == 0;
+  bool whole = rows.size() % kSide == 0;
+  for (size_t i = kSide - 1; i < rows.size(); i += kSide) {
+    whole = whole && IsLastOfMatrix(lines[rows[i]]);
+  }
   const size_t side = whole ? kSide : kSide - 1;
   if (rows.size() % side != 0) return;
   const bool named = titles.size() == rows.size() / side;
@@ -117,25 +212,29 @@ std::string ColumnOf(std::string name, const std::vector<std::string>& columns) 
 
 }  // namespace
 
-std::vector<std::string> PoseFields(const std::string& line) {
-  std::vector<std::string> fields =
-      absl::StrSplit(line, absl::ByAnyChar(" \t\r\n,;[](){}"), absl::SkipEmpty());
-  std::erase(fields, "-");  // YAML's of a list
-  return fields;
+std::vector<std::string> PoseFields(const std::string& text) {
+  Lines lines = absl::StrSplit(text, '\n');
+  ReadListMarks(lines);
+  return FieldsOf(absl::StrJoin(lines, "\n"));
 }
 
 PoseTable PoseTableOf(const std::string& text, const PoseNotation& notation) {
   PoseTable table;
   Lines lines = WithoutComments(text);
+  ReadListMarks(lines);
   ReadDecimalCommas(lines);
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const std::string sign = LoneSignIn(lines[i]);
+    if (!sign.empty()) return RefusedAt(i, sign, notation);
+  }
   const bool matrix = notation.name() == "matrix";
   if (matrix) JoinMatrices(lines);
   table.columns = notation.columns();
   bool first = true;
   for (std::string& line : lines) {
-    std::vector<std::string> fields = PoseFields(line);
+    std::vector<std::string> fields = FieldsOf(line);
     const bool commas = line.find(',') != std::string::npos;
-    if (!commas || line.find('[') != std::string::npos) line = absl::StrJoin(fields, ",");
+    if (!commas || HasBracketsOfFields(line)) line = absl::StrJoin(fields, ",");
     if (fields.empty() || !first) continue;
     first = false;
     table.named = !IsNumber(fields.back());

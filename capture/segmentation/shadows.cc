@@ -23,8 +23,8 @@ constexpr float kModelError = 0.006F;
 constexpr float kEvidence = 40;
 constexpr int kRounds = 4;  // in which pixels between such join them
 constexpr double kShadowsEnough =
-    0.4;  // share of the foreground around that is certain, for pixels between
-constexpr float kDarker = 3;     // standard deviations, of a pixel that counts as evidence
+    0.4;                      // share of the foreground around that is certain, for pixels between
+constexpr float kDarker = 3;  // standard deviations, of a pixel that counts as evidence
 constexpr float kTolerance = 4;  // standard deviations, of single pixels beside a shadow
 
 // Sums over channels, for every pixel by itself, 0 where it is no candidate.

@@ -167,9 +167,8 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
   const auto gap_of = [&](size_t view) { return taken_of(view) - before_[view].taken; };
   helpers_.ForEach(images.size(), [&](size_t view) {
     if (!images[view]) return;
-    seen[view] =
-        SeenIn(images[view]->image, *database, static_cast<int>(view), config_.segmentation,
-               lights_[view], since_learnt_[view]);
+    seen[view] = SeenIn(images[view]->image, *database, static_cast<int>(view),
+                        config_.segmentation, lights_[view], since_learnt_[view]);
   });
   record_->NoteMasks(arrived);
   absl::Duration oldest = absl::InfiniteDuration();

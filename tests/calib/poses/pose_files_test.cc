@@ -10,6 +10,8 @@
 
 #include "calib/poses/pose_files.h"
 #include "calib/poses/pose_frames.h"
+#include "calib/poses/pose_notation.h"
+#include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 namespace {
@@ -118,11 +120,75 @@ TEST(RobotPoseFile, TablesAreReadAsPeopleWriteThem) {
        {"\xEF\xBB\xBFimage,x,y,z,qw,qx,qy,qz\r\na,0.4,-0.1,0.6,0.8,0.6,0,0\r\n",
         "% poses\n// of the arm\n# by hand\na 0.4 -0.1 0.6 0.6 0 0 0.8\n",
         "Timestamp;pos_x;pos_y;pos_z;q_x;q_y;q_z;q_w\na;0,4;-0,1;0,6;0,6;0;0;0,8\n",
-        "a\t0,4\t-0,1\t0,6\t0,6\t0\t0\t0,8\n", "- [a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8]\n"}) {
+        "a\t0,4\t-0,1\t0,6\t0,6\t0\t0\t0,8\n", "- [a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8]\n",
+        "- a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8\n", "(a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8)\n",
+        "a, {0.4, -0.1, 0.6}, {0.6, 0, 0, 0.8}\n"}) {
     const RobotPose pose = OnlyPose(text, "quaternion");
     EXPECT_EQ(pose.frame, "a") << text;
     EXPECT_TRUE(pose.base_from_flange.isApprox(expected.base_from_flange, 1e-12)) << text;
   }
+}
+
+TEST(RobotPoseFile, NamesMayHaveBracketsAndDashes) {
+  for (const std::string name : {"img (1).png", "run - 3"}) {
+    EXPECT_EQ(OnlyPose(kHeader + name + ",0.4,-0.1,0.6,0.6,0,0,0.8\n", "quaternion").frame, name);
+  }
+}
+
+TEST(RobotPoseFile, ASignWithoutItsNumberIsRefusedWithTheMend) {
+  for (const std::string row :
+       {"a 0.4 - 0.1 0.6 0.6 0 0 0.8", "- 0.4 0.1 0.6 0.6 0 0 0.8", "a 0.4 0.1 0.6 0 0 0 - 1",
+        "- 7 0.4 0.1 0.6 0.6 0 0 0.8", "a\t0,4\t- 0,1\t0,6\t0,6\t0\t0\t0,8",
+        "a, 0.4, - 0.1, 0.6, 0.6, 0, 0, 0.8", "[0.4, - 0.1, 0.6], 0.6, 0, 0, 0.8",
+        "- [a, 0.4, - 0.1, 0.6, 0.6, 0, 0, 0.8]", "- - 0.4 0.1 0.6 0.6 0 0 0.8",
+        "a -[0.4, 0.1, 0.6], 0.6, 0, 0, 0.8"}) {
+    const auto poses = RobotPosesFromText("# poses\n" + row + "\n", "poses");
+    EXPECT_THAT(std::string(poses.status().message()),
+                AllOf(HasSubstr("poses:2: '- "), HasSubstr("write the sign with its number")))
+        << row;
+  }
+  const PoseNotation matrix = PoseNotation::Named("matrix", "mm").value();
+  const std::string lines = "1 0 0 100\n0 1 0 - 200\n0 0 1 300\n0 0 0 1\n";
+  EXPECT_THAT(std::string(RobotPosesFromText(lines, "poses", matrix).status().message()),
+              AllOf(HasSubstr("poses:2: '- 200"), HasSubstr("write the sign with its number")));
+  EXPECT_THAT(std::string(RobotPosesFromTexts({{"1", "1.txt", lines}}, matrix).status().message()),
+              AllOf(HasSubstr("1.txt: '- 200"), HasSubstr("write the sign with its number")));
+}
+
+TEST(RobotPoseFile, AListMarkOnSomeLinesOnlyIsRefused) {
+  const std::string row = "[a, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8]\n";
+  EXPECT_FALSE(RobotPosesFromText("- " + row + "b, 0.4, -0.1, 0.6, 0.6, 0, 0, 0.8\n", "p").ok());
+  const auto file = RobotPosesFromTexts({{"1", "1.txt",
+                                          "- [1, 0, 0, 100]\n- [0, 1, 0, 0]\n"
+                                          "- [0, 0, 1, 300]\n- [0, 0, 0, 1]\n"}},
+                                        PoseNotation::Named("matrix", "mm").value());
+  EXPECT_TRUE(file.ok()) << file.status();
+}
+
+TEST(RobotPoseFile, FourMatricesOfThreeLinesAreNotThreeOfFour) {
+  std::string text;
+  for (const std::string x : {"100", "200", "300", "1"}) {
+    text += "1 0 0 " + x + "\n0 1 0 0\n0 0 1 400\n";
+  }
+  const auto poses =
+      RobotPosesFromText(text, "poses.txt", PoseNotation::Named("matrix", "mm").value());
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  ASSERT_EQ(poses->size(), 4u);
+  EXPECT_NEAR((*poses)[1].base_from_flange.translation().x(), 0.2, 1e-12);
+  EXPECT_NEAR((*poses)[3].base_from_flange.translation().x(), 1e-3, 1e-12);
+}
+
+TEST(RobotPoseFile, MatricesOfFourLinesMayBeginAtOne) {
+  const std::string last = "0.0 0.0 0.0 1.0\n";
+  const std::string text = "1 0 0 1.0\n0 1 0 0\n0 0 1 400\n" + last +
+                           "1 0 0 2\n0 1 0 0\n0 0 1 500\n" + last +
+                           "1 0 0 3\n0 1 0 0\n0 0 1 600\n" + last;
+  const auto poses =
+      RobotPosesFromText(text, "poses.txt", PoseNotation::Named("matrix", "mm").value());
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  ASSERT_EQ(poses->size(), 3u);
+  EXPECT_NEAR((*poses)[0].base_from_flange.translation().x(), 1e-3, 1e-12);
+  EXPECT_NEAR((*poses)[2].base_from_flange.translation().z(), 0.6, 1e-12);
 }
 
 TEST(RobotPoseFile, MatricesMayBeOverSeveralLines) {

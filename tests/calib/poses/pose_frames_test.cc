@@ -5,8 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <string>
 #include <vector>
+
+#include "calib/boards/sighting_file.h"
+#include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 namespace {
@@ -69,25 +73,60 @@ TEST(PoseFrames, NamesOfFilesLoseFolderAndExtension) {
               ElementsAre("img2", "img1"));
 }
 
-TEST(PoseFrames, OtherNamesBelongTogetherByTheirNumbers) {
-  const Named named = NamedBy({"img1", "img2", "img10"}, PosesCalled({"0002", "0010", "0011"}));
+TEST(PoseFrames, OtherNamesBelongTogetherByTheirNumbersWithAWarning) {
+  const Named named = NamedBy({"img2", "img10"}, PosesCalled({"0002", "0010", "0011"}));
   EXPECT_THAT(named.names, ElementsAre("img2", "img10", "0011"));
-  EXPECT_THAT(named.message, HasSubstr("'0002' to 'img2'"));
+  EXPECT_THAT(named.message, AllOf(HasSubstr("2 of 3 robot poses"), HasSubstr("'0002' to 'img2'")));
+  EXPECT_THAT(NamedBy({"img1", "img2", "img3"}, PosesCalled({"pose_2", "pose_3"})).names,
+              ElementsAre("img2", "img3"));
   EXPECT_THAT(NamedBy({"img1"}, PosesCalled({"a"})).names, ElementsAre("a"));
   EXPECT_THAT(NamedBy({"img1"}, PosesCalled({"1403715.1"})).names, ElementsAre("1403715.1"));
 }
 
+TEST(PoseFrames, PosesCountedFromZeroAreNotMatchedWithImagesCountedFromOne) {
+  const Names poses = {"pose_0", "pose_1", "pose_2"};
+  const Named named = NamedBy({"img_1", "img_2", "img_3"}, PosesCalled(poses));
+  EXPECT_EQ(named.names, poses);
+  EXPECT_THAT(named.message,
+              AllOf(HasSubstr("numbered 0 to 2, images 1 to 3"), HasSubstr("use the same names")));
+  EXPECT_EQ(NamedBy({"img_1", "img_2"}, PosesCalled(poses)).names, poses);
+  const Names from_one = {"pose_1", "pose_2"};
+  EXPECT_EQ(NamedBy({"img_0", "img_1", "img_2"}, PosesCalled(from_one)).names, from_one);
+}
+
+TEST(PoseFrames, NumbersThatBothListsLackAreNamed) {
+  const Names poses = {"pose_1", "pose_2", "pose_4"};
+  const Named named = NamedBy({"img_1", "img_3", "img_4"}, PosesCalled(poses));
+  EXPECT_EQ(named.names, poses);
+  EXPECT_THAT(named.message,
+              AllOf(HasSubstr("'pose_2'"), HasSubstr("'img_3'"), HasSubstr("use the same names")));
+}
+
 TEST(PoseFrames, RowsWithoutFramesAreInTheOrderOfTheImages) {
-  const Named all = NamedBy({"img10", "img1", "img2"}, Rows(3));
-  EXPECT_THAT(all.names, ElementsAre("img1", "img2", "img10"));
+  const Named all = NamedBy({"img10", "img8", "img9"}, Rows(3));
+  EXPECT_THAT(all.names, ElementsAre("img8", "img9", "img10"));
   EXPECT_THAT(all.message, HasSubstr("have no frames"));
+  EXPECT_THAT(NamedBy({"b", "a"}, Rows(2)).names, ElementsAre("a", "b"));
+}
+
+TEST(PoseFrames, AsManyRowsAsImagesAreRefusedIfTheImagesNumbersHaveGaps) {
+  const Named named = NamedBy({"img1", "img2", "img4", "img5"}, Rows(4));
+  EXPECT_EQ(named.names, NamesOf(Rows(4)));
+  EXPECT_THAT(named.message, AllOf(HasSubstr("missing between 'img1' and 'img5'"),
+                                   HasSubstr("put the frame first")));
 }
 
 TEST(PoseFrames, RowsOfImagesWithoutABoardAreSkippedByTheNumbersOfTheOthers) {
   EXPECT_THAT(NamedBy({"img1", "img4"}, Rows(4)).names,
               ElementsAre("img1", NameOfRow(2), NameOfRow(3), "img4"));
-  EXPECT_THAT(NamedBy({"img0", "img2"}, Rows(4)).names,
-              ElementsAre("img0", NameOfRow(2), "img2", NameOfRow(4)));
+  EXPECT_THAT(NamedBy({"img0", "img3"}, Rows(4)).names,
+              ElementsAre("img0", NameOfRow(2), NameOfRow(3), "img3"));
+}
+
+TEST(PoseFrames, MoreRowsThanImagesCountedFromZeroAreRefused) {
+  const Named named = NamedBy({"img0", "img2"}, Rows(4));
+  EXPECT_EQ(named.names, NamesOf(Rows(4)));
+  EXPECT_THAT(named.message, HasSubstr("put the frame first"));
 }
 
 TEST(PoseFrames, RowsThatCannotBeAssignedAreRefusedWithTheMend) {
