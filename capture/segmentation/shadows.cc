@@ -21,11 +21,13 @@ constexpr float kResidual = 5;
 constexpr float kModelError = 0.006F;
 // By how much, in noise variances, one colour must fit worse than the cell's texture.
 constexpr float kEvidence = 40;
-constexpr int kRounds = 4;  // in which pixels between such join them
-constexpr double kShadowsEnough =
-    0.4;                      // share of the foreground around that is certain, for pixels between
-constexpr float kDarker = 3;  // standard deviations, of a pixel that counts as evidence
-constexpr float kTolerance = 4;  // standard deviations, of single pixels beside a shadow
+// Rounds in which pixels between such join them.
+constexpr int kRounds = 4;
+// Share of the foreground around that is certain, for pixels between.
+constexpr double kShadowsEnough = 0.4;
+// Standard deviations: of a pixel that counts as evidence, and of single pixels beside a shadow.
+constexpr float kDarker = 3;
+constexpr float kTolerance = 4;
 
 // Sums over channels, for every pixel by itself, 0 where it is no candidate.
 struct Terms {
