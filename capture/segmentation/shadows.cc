@@ -91,8 +91,7 @@ class Expected {
   const uint8_t* levels_ = nullptr;
 };
 
-// Whether a pixel is clearly darker than expected: not of the cell beside a shadow, into which the
-// foreground reaches.
+// Whether a pixel is clearly darker than expected.
 bool IsDarker(const Expected& expected, int x, int channels) {
   for (int i = x * channels; i < (x + 1) * channels; ++i) {
     if (expected.Level(x, i) - expected.Seen(i) > kDarker * expected.Noise(i)) return true;
@@ -114,15 +113,31 @@ bool IsCandidate(const Expected& expected, int x, int channels) {
   return true;
 }
 
+// 255 where the foreground reaches into the empty cell beside it: within half a window of whole
+// windows without foreground. Single holes are in things, too.
+cv::Mat NearTheCell(const cv::Mat& foreground) {
+  const auto window = [](int side) {
+    return cv::getStructuringElement(cv::MORPH_RECT, {side, side});
+  };
+  cv::Mat near;
+  cv::erode(foreground == 0, near, window(kSide));
+  cv::dilate(near, near, window(2 * kSide - 1));
+  return near;
+}
+
+// What is not darker than the cell counts for nothing, and is no candidate within a shadow: a thing
+// as bright as the cell may stand there.
 Terms TermsOf(Expected& expected, const cv::Mat& foreground, int channels) {
   Terms terms(foreground.size(), channels);
+  const cv::Mat near = NearTheCell(foreground);
   for (int y = 0; y < foreground.rows; ++y) {
     expected.Go(y);
     const auto* marked = foreground.ptr<uint8_t>(y);
     for (int x = 0; x < foreground.cols; ++x) {
       if (marked[x] == 0 || !IsCandidate(expected, x, channels)) continue;
-      terms.candidate.at<uint8_t>(y, x) = 255;
-      if (!IsDarker(expected, x, channels)) continue;
+      const bool darker = IsDarker(expected, x, channels);
+      if (darker || near.at<uint8_t>(y, x) != 0) terms.candidate.at<uint8_t>(y, x) = 255;
+      if (!darker) continue;
       terms.count.at<float>(y, x) = 1;
       for (int c = 0; c < channels; ++c) {
         const int i = x * channels + c;

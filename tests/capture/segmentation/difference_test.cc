@@ -455,6 +455,19 @@ TEST_F(ShadowsTest, ThingInItsOwnShadowIsFound) {
   EXPECT_LT(cv::countNonZero(foreground) - cv::countNonZero(foreground(box_)), 300);
 }
 
+TEST_F(ShadowsTest, ThingInAShadowThatIsAsBrightAsTheCellIsFound) {
+  const cv::Mat plain = (cell_ - 120) / 2 + 120;
+  const Reference reference = Reference::FromImages(ExposeSeries(plain, 20, 1.5, random_));
+  for (const double level : {116, 120, 124}) {
+    cv::Mat light = plain.clone();
+    light(cv::Rect(20, 20, 120, 80)) *= 0.7;
+    const cv::Rect thing{60, 40, 9, 40};
+    light(thing) = level;
+    const cv::Mat foreground = Foreground(Expose(light, 1, 1.5, random_), reference, kIgnoring);
+    EXPECT_GT(cv::countNonZero(foreground(thing)), 0.6 * thing.area()) << level;
+  }
+}
+
 // Where the robot is, it is not said to be missing because a shadow falls on its rim; in its images
 // there is no shadow.
 TEST_F(ShadowsTest, ShadowIsNeitherForegroundNorTheEmptyCell) {
