@@ -24,8 +24,9 @@ struct FoundShadows {
 // - that is far more probable than a surface of one colour: the cell's own texture is seen.
 // Shadows on what has no texture stay foreground: a flat grey thing before a flat grey wall looks
 // the same. Among such pixels - where they are 40 % of the foreground around, at least - those
-// belong to the shadow that are no darker than it and no brighter than expected. `foreground`:
-// 8-bit, not 0 where foreground, of the image's size.
+// belong to the shadow that are no darker than it and no brighter than expected; what is not
+// clearly darker only beside the empty cell, for a thing as bright as the cell may stand in a
+// shadow. `foreground`: 8-bit, not 0 where foreground, of the image's size.
 FoundShadows FindShadows(const cv::Mat& image, const Reference& reference,
                          const Brightness& brightness, const SlowLight& slow_light,
                          const cv::Mat& foreground);

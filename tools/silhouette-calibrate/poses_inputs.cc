@@ -317,7 +317,7 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
 
 namespace {
 
-// Fits or not is soon seen by so many frames.
+// Frames of a trial, at most: enough to see whether a notation fits.
 constexpr size_t kFramesOfHint = 15;
 
 bool Fits(PoseProblem problem) {

@@ -78,7 +78,7 @@ TEST(CollisionIndex, IsReadByManyThreadsWhileTheMapGrowsAndTheIndexIsBuiltAnew) 
       } while (!done);
     });
   }
-  // Every record anew, the index too, and much besides.
+  // Records and index are written again, with further data, until the map grows.
   for (uint64_t round = 1; MapSize(*database) == before; ++round) {
     ASSERT_LT(round, 20);
     for (const auto& [tile, images] : tiles) {
