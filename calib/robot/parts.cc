@@ -21,7 +21,7 @@ using Eigen::Vector3d;
 
 // A hull of many points is drawn with fewer, and grown by no more than kFineness, metres, if
 // kMostPoints are enough for that.
-constexpr double kFineness = 0.0005;
+constexpr double kFineness = 0.001;
 constexpr size_t kMostPoints = 96;
 
 // The points of the hull of a part and of what is certain of it, in the shape's frame.
@@ -41,12 +41,18 @@ Matrix3Xd ColumnsOf(std::span<const Vector3d> points) {
   return columns;
 }
 
+// The corners of a polygon whose sides and corners are no more than kFineness apart in their
+// distance from the middle.
+int CornersOf(double radius) {
+  const double half = std::acos(radius / (radius + kFineness));
+  return std::max(8, static_cast<int>(std::ceil(std::numbers::pi / half)));
+}
+
 // Two rings of points about z.
-Matrix3Xd Rings(double radius, double length) {
-  constexpr int kCorners = 32;
-  Matrix3Xd points(3, 2 * kCorners);
-  for (int i = 0; i < kCorners; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kCorners;
+Matrix3Xd Rings(double radius, double length, int corners) {
+  Matrix3Xd points(3, 2 * corners);
+  for (int i = 0; i < corners; ++i) {
+    const double angle = 2 * std::numbers::pi * i / corners;
     const Vector3d corner(radius * std::cos(angle), radius * std::sin(angle), length / 2);
     points.col(2 * i) = corner;
     points.col(2 * i + 1) = Vector3d(corner.x(), corner.y(), -corner.z());
@@ -69,12 +75,13 @@ class ShapeDrawer {
 
   absl::StatusOr<DrawnShape> operator()(const CylinderShape& cylinder) const {
     // A polygon about the circle without, one in it within.
-    const double outer = cylinder.radius / std::cos(std::numbers::pi / 32);
+    const int corners = CornersOf(cylinder.radius);
+    const double outer = cylinder.radius / std::cos(std::numbers::pi / corners);
     const double radius = cylinder.radius - settings_.tolerance;
     const double length = cylinder.length - 2 * settings_.tolerance;
     DrawnShape shape;
-    shape.hulls.push_back({Rings(outer, cylinder.length), 0, {}});
-    if (radius > 0 && length > 0) shape.hulls[0].inner = Rings(radius, length);
+    shape.hulls.push_back({Rings(outer, cylinder.length, corners), 0, {}});
+    if (radius > 0 && length > 0) shape.hulls[0].inner = Rings(radius, length, corners);
     shape.excess = outer - cylinder.radius;
     return shape;
   }

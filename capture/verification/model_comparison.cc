@@ -66,13 +66,15 @@ class LinkDrawer {
   void At(std::span<const double> q) { robot_.chain().Pose(q, poses_); }
 
   Mask Touched(size_t view, size_t link, double growth) {
-    return Draw(view, link, [&](const RobotPart& part, std::span<uint64_t> words) {
-      robot_.views()[view].AddTouched(poses_[part.moves_with], part.points, part.radius + growth,
-                                      scratch_, words);
+    return Draw(view, link, [&](size_t i, std::span<uint64_t> words) {
+      const RobotPart& part = robot_.parts()[i];
+      robot_.views()[view].AddTouched(poses_[part.moves_with], part.points, robot_.edges()[i],
+                                      part.radius + growth, scratch_, words);
     });
   }
   Mask Covered(size_t view, size_t link) {
-    return Draw(view, link, [&](const RobotPart& part, std::span<uint64_t> words) {
+    return Draw(view, link, [&](size_t i, std::span<uint64_t> words) {
+      const RobotPart& part = robot_.parts()[i];
       if (part.inner.cols() == 0) return;
       robot_.views()[view].AddCovered(poses_[part.moves_with], part.inner, scratch_, words);
     });
@@ -92,8 +94,8 @@ class LinkDrawer {
   Mask Draw(size_t view, size_t link, const Add& add) {
     const MaskSize size = robot_.views()[view].size();
     std::vector<uint64_t> words(size.words());
-    for (const RobotPart& part : robot_.parts()) {
-      if (part.link == link) add(part, words);
+    for (size_t i = 0; i < robot_.parts().size(); ++i) {
+      if (robot_.parts()[i].link == link) add(i, words);
     }
     return Mask::FromWords(size, std::move(words));
   }

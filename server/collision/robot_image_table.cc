@@ -71,9 +71,11 @@ std::vector<Mask> RobotImageTable::DrawnFixedParts() const {
   std::vector<Mask> masks;
   for (const PartDrawer& view : drawn_->views()) {
     std::vector<uint64_t> words(view.size().words());
-    for (const RobotPart& part : drawn_->parts()) {
+    for (size_t i = 0; i < drawn_->parts().size(); ++i) {
+      const RobotPart& part = drawn_->parts()[i];
       if (!IsFixed(drawn_->chain(), part.moves_with)) continue;
-      view.AddTouched(base_from_link[part.moves_with], part.points, part.radius, scratch, words);
+      view.AddTouched(base_from_link[part.moves_with], part.points, drawn_->edges()[i], part.radius,
+                      scratch, words);
     }
     masks.push_back(Mask::FromWords(view.size(), std::move(words)));
   }

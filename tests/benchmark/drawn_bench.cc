@@ -103,7 +103,7 @@ const DrawnBench& TheDrawnBench() {
         DrawingScratch scratch;
         for (const PartDrawer& view : made.robot->views()) {
           std::vector<uint64_t> words(view.size().words());
-          view.AddTouched(obstacle.pose, obstacle.Points(), 0, scratch, words);
+          view.AddTouched(obstacle.pose, obstacle.Points(), {}, 0, scratch, words);
           planes.emplace_back(Mask::FromWords(view.size(), std::move(words)));
         }
         made.obstacles[kind].push_back(obstacle);

@@ -109,7 +109,7 @@ inline SceneInput DrawnSceneInput(const DrawnRobot& truth, const Configuration& 
   for (size_t view = 0; view < robot.size(); ++view) {
     std::vector<uint64_t> words(kDrawnSize.words());
     for (const DrawnCellBall& ball : balls) {
-      truth.views()[view].AddTouched(Eigen::Isometry3d::Identity(), ball.centre, ball.radius,
+      truth.views()[view].AddTouched(Eigen::Isometry3d::Identity(), ball.centre, {}, ball.radius,
                                      scratch, words);
     }
     const Mask seen = Mask::FromWords(kDrawnSize, std::move(words));

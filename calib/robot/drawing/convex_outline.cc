@@ -9,8 +9,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-double CrossOf(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
-
 // Appends the corners of a polygon about the part of a circle from the direction `from` to `to`,
 // counter-clockwise by at most half a turn: where the tangents meet, no two of which are more than
 // 30 degrees apart.

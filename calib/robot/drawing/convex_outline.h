@@ -9,6 +9,10 @@
 
 namespace silhouette {
 
+inline double CrossOf(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
 // The convex hull of `points`, at least one, which are sorted. One or two points if they are all at
 // one place or on a line.
 void ConvexHull(std::vector<Eigen::Vector2d>& points, std::vector<Eigen::Vector2d>& hull);

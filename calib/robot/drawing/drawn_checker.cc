@@ -90,7 +90,7 @@ bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
                          DrawnCheckScratch& scratch) const {
   const RobotPart& part = robot_->parts()[candidate.part];
   return robot_->views()[candidate.view].Meets(
-      scratch.base_from_link[part.moves_with], part.points,
+      scratch.base_from_link[part.moves_with], part.points, robot_->edges()[candidate.part],
       part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
       planes_[candidate.view].mask.words());
 }

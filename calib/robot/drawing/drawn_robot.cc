@@ -22,6 +22,7 @@ DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
     if (part.moves_with >= chain_.links().size()) {
       throw std::invalid_argument("a part of the robot is of no link");
     }
+    edges_.emplace_back(part.points);
     const double reach = part.points.colwise().norm().maxCoeff() + part.radius;
     for (size_t joint = 0; joint < joints_; ++joint) {
       levers_.push_back(chain_.LeverOf(joint, part.moves_with, reach));
@@ -38,7 +39,7 @@ void DrawnRobot::AddTouched(size_t view, std::span<const Eigen::Isometry3d> base
     throw std::invalid_argument("not a growth for each part");
   }
   for (size_t i = 0; i < parts_.size(); ++i) {
-    views_[view].AddTouched(base_from_link[parts_[i].moves_with], parts_[i].points,
+    views_[view].AddTouched(base_from_link[parts_[i].moves_with], parts_[i].points, edges_[i],
                             parts_[i].radius + (growth.empty() ? 0 : growth[i]), scratch, words);
   }
 }

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "calib/robot/drawing/hull_edges.h"
 #include "calib/robot/drawing/kinematic_chain.h"
 #include "calib/robot/drawing/part_balls.h"
 #include "calib/robot/drawing/part_drawer.h"
@@ -44,6 +45,8 @@ class DrawnRobot {
 
   const KinematicChain& chain() const { return chain_; }
   const std::vector<RobotPart>& parts() const { return parts_; }
+  // By part: of the hull of its points.
+  const std::vector<HullEdges>& edges() const { return edges_; }
   const std::vector<PartDrawer>& views() const { return views_; }
   const PartBalls& balls() const { return balls_; }
   // By view.
@@ -69,6 +72,7 @@ class DrawnRobot {
  private:
   KinematicChain chain_;
   std::vector<RobotPart> parts_;
+  std::vector<HullEdges> edges_;
   std::vector<PartDrawer> views_;
   PartBalls balls_;
   std::vector<BallLook> looks_;

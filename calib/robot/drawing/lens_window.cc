@@ -137,11 +137,15 @@ void LensWindow::BoundLens(const CameraModel& camera) {
   bend_ *= kLensSafety;
 }
 
+bool LensWindow::Holds(const Vector2d& low, const Vector2d& high) const {
+  if (radius_ > 0) return low.cwiseAbs().cwiseMax(high.cwiseAbs()).norm() <= radius_;
+  return box_.contains(low) && box_.contains(high);
+}
+
 void LensWindow::Clip(std::vector<Vector2d>& outline, std::vector<Vector2d>& room) const {
   AlignedBox2d box;
   for (const Vector2d& point : outline) box.extend(point);
-  const Vector2d corner = box.min().cwiseAbs().cwiseMax(box.max().cwiseAbs());
-  if (radius_ > 0 ? corner.norm() <= radius_ : box_.contains(box)) return;
+  if (Holds(box.min(), box.max())) return;
   for (const HalfPlane& side : sides_) {
     const auto within = [&](const Vector2d& p) { return side.offset - side.normal.dot(p); };
     if (std::ranges::all_of(outline, [&](const Vector2d& p) { return within(p) >= 0; })) {

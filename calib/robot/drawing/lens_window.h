@@ -21,6 +21,9 @@ class LensWindow {
   // Cuts off a convex outline what is beyond the window. `room`: for the work.
   void Clip(std::vector<Eigen::Vector2d>& outline, std::vector<Eigen::Vector2d>& room) const;
 
+  // Whether the window holds all that is between two corners of a box.
+  bool Holds(const Eigen::Vector2d& low, const Eigen::Vector2d& high) const;
+
   // A box about the window.
   const Eigen::AlignedBox2d& box() const { return box_; }
   // Of the circle within the window, which is a polygon about it; 0: the window is the box.
@@ -59,6 +62,19 @@ class LensWindow {
 inline Eigen::Vector2d PixelAt(const CameraIntrinsics& in, const Eigen::Vector2d& p) {
   const Eigen::Vector2d distorted = Distort(in, p.x(), p.y());
   return {in.fx * distorted.x() + in.cx, in.fy * distorted.y() + in.cy};
+}
+
+// The same for many points at once, as numbers or vectors of them, with the `lens` that Distort
+// has.
+template <typename Lens, typename T>
+inline void DistortLanes(const Lens* lens, bool rational, const T& u, const T& v, T& to_u,
+                         T& to_v) {
+  const T r2 = u * u + v * v;
+  const T uv = u * v;
+  T radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]));
+  if (rational) radial /= 1 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7]));
+  to_u = u * radial + 2 * lens[2] * uv + lens[3] * (r2 + 2 * u * u);
+  to_v = v * radial + lens[2] * (r2 + 2 * v * v) + 2 * lens[3] * uv;
 }
 
 // What the image shows at a pixel coordinate, at z = 1; not numbers: no ray is seen there.

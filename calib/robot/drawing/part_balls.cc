@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "calib/robot/drawing/drawn_robot.h"
+#include "calib/robot/drawing/lens_window.h"
 #include "db/mask/wider_vectors.h"
 
 namespace silhouette {
@@ -21,19 +22,6 @@ constexpr auto kThin = static_cast<float>(PartDrawer::kThin);
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
-
-// The distortion `lens` (CameraIntrinsics) of (u, v, 1), as Distort has it, in single precision.
-// T: float or Lanes.
-template <typename T>
-inline void DistortSingle(const float* lens, bool rational, const T& u, const T& v, T& to_u,
-                          T& to_v) {
-  const T r2 = u * u + v * v;
-  const T uv = u * v;
-  T radial = 1 + r2 * (lens[0] + r2 * (lens[1] + r2 * lens[4]));
-  if (rational) radial /= 1 + r2 * (lens[5] + r2 * (lens[6] + r2 * lens[7]));
-  to_u = u * radial + 2 * lens[2] * uv + lens[3] * (r2 + 2 * u * u);
-  to_v = v * radial + lens[2] * (r2 + 2 * v * v) + 2 * lens[3] * uv;
-}
 
 // Balls about a part, whose centres are in the hull of its points. A part is cut across its length
 // into pieces about as long as it is thick.
@@ -215,8 +203,8 @@ BallLook::BallLook(const PartDrawer& view) {
           Eigen::Vector2d(x, y).cwiseProduct(bounds.box.sizes()) / static_cast<double>(kSteps);
       if (bounds.circle > 0 && p.norm() > bounds.circle) continue;
       Eigen::Vector2f rough;
-      DistortSingle(lens_, rational_, static_cast<float>(p.x()), static_cast<float>(p.y()),
-                    rough.x(), rough.y());
+      DistortLanes(lens_, rational_, static_cast<float>(p.x()), static_cast<float>(p.y()),
+                   rough.x(), rough.y());
       const Eigen::Vector2d exact = Distort(in, p.x(), p.y());
       off = std::max({off, in.fx * std::abs(static_cast<double>(rough.x()) - exact.x()),
                       in.fy * std::abs(static_cast<double>(rough.y()) - exact.y())});
@@ -282,7 +270,7 @@ SILHOUETTE_WIDER_VECTORS void BallLook::See(const PartBalls& balls, const Placed
 
     Lanes bent_u;
     Lanes bent_v;
-    DistortSingle(lens_, rational_, cu, cv, bent_u, bent_v);
+    DistortLanes(lens_, rational_, cu, cv, bent_u, bent_v);
     const Lanes at_x = focal_[0] * bent_u + centre_[0];
     const Lanes at_y = focal_[1] * bent_v + centre_[1];
     const float right = static_cast<float>(width_ - 1);

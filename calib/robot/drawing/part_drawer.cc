@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include "calib/robot/drawing/convex_outline.h"
 #include "db/mask/wider_vectors.h"
@@ -21,6 +23,7 @@ constexpr double kNear = 0.01;      // metres before the camera's plane; nothing
 constexpr double kSag = 1.0 / 16;   // pixels that a chord may be off the image of its edge
 constexpr double kRounding = 1e-4;  // pixels
 constexpr int kMostChords = 64;     // of an edge
+constexpr size_t kMoreRows = 3;     // below the image: what is left of a vector
 
 // Of what is above 0 and fits.
 int CeilOf(double x) {
@@ -154,11 +157,22 @@ struct Extremes {
 
 }  // namespace
 
-// `turn`, row by row, and `move` take `from`, at least one point, into the camera's frame. Results,
-// one for each point: `points`, which may be `from`, and `projected`, at z = 1.
+// x and y in turn, of the first `lanes`.
+static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double* to) {
+  const Four pairs[2] = {__builtin_shufflevector(x, y, 0, 4, 1, 5),
+                         __builtin_shufflevector(x, y, 2, 6, 3, 7)};
+  if (lanes == 4) {
+    std::memcpy(to, pairs, sizeof pairs);
+  } else {
+    for (size_t i = 0; i < 2 * lanes; ++i) to[i] = pairs[i / 4][i % 4];
+  }
+}
+
+// `turn`, row by row, and `move` take `from`, at least one point, into the camera's frame.
+// `projected`: of each point, at z = 1.
 SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const double* move,
                                                        const double* from, size_t count,
-                                                       double* points, double* projected) {
+                                                       double* projected) {
   const Four zero = {};
   const Four infinity = zero + std::numeric_limits<double>::infinity();
   Four sum = zero;
@@ -166,11 +180,14 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
   Four most[5] = {-infinity, -infinity, -infinity, -infinity, -infinity};
   Four off_axis = zero;
   for (size_t begin = 0; begin < count; begin += 4) {
-    size_t at[4];  // the last one again, up to a whole vector
-    for (size_t lane = 0; lane < 4; ++lane) at[lane] = 3 * std::min(begin + lane, count - 1);
+    const size_t lanes = std::min<size_t>(4, count - begin);
+    const double* at = from + 3 * begin;
     Four of[3];
     for (size_t i = 0; i < 3; ++i) {
-      of[i] = Four{from[at[0] + i], from[at[1] + i], from[at[2] + i], from[at[3] + i]};
+      // The last one again, up to a whole vector.
+      of[i] = lanes == 4 ? Four{at[i], at[i + 3], at[i + 6], at[i + 9]}
+                         : Four{at[i], at[3 * (lanes / 2) + i], at[3 * (lanes - 1) + i],
+                                at[3 * (lanes - 1) + i]};
     }
     Four to[3];
     for (size_t i = 0; i < 3; ++i) {
@@ -187,11 +204,7 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
       least[i] = along[i] < least[i] ? along[i] : least[i];
       most[i] = along[i] > most[i] ? along[i] : most[i];
     }
-    for (size_t lane = 0; lane < std::min<size_t>(4, count - begin); ++lane) {
-      for (size_t i = 0; i < 3; ++i) points[3 * (begin + lane) + i] = to[i][lane];
-      projected[2 * (begin + lane)] = x[lane];
-      projected[2 * (begin + lane) + 1] = y[lane];
-    }
+    StorePairs(x, y, lanes, projected + 2 * begin);
   }
   const auto min = [](const Four& v) { return std::min({v[0], v[1], v[2], v[3]}); };
   const auto max = [](const Four& v) { return std::max({v[0], v[1], v[2], v[3]}); };
@@ -206,6 +219,56 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
   return found;
 }
 
+// Where the image shows points at z = 1, one after the other; `focal`, `centre`: along x and y.
+SILHOUETTE_WIDER_VECTORS static void PixelsOf(const double* lens, bool rational,
+                                              const double* focal, const double* centre,
+                                              const double* projected, size_t count,
+                                              double* pixels) {
+  for (size_t begin = 0; begin < count; begin += 4) {
+    const size_t lanes = std::min<size_t>(4, count - begin);
+    Four pairs[2] = {};
+    if (lanes == 4) {
+      std::memcpy(pairs, projected + 2 * begin, sizeof pairs);
+    } else {
+      for (size_t i = 0; i < 2 * lanes; ++i) pairs[i / 4][i % 4] = projected[2 * begin + i];
+    }
+    const Four u = __builtin_shufflevector(pairs[0], pairs[1], 0, 2, 4, 6);
+    const Four v = __builtin_shufflevector(pairs[0], pairs[1], 1, 3, 5, 7);
+    Four bent_u;
+    Four bent_v;
+    DistortLanes(lens, rational, u, v, bent_u, bent_v);
+    StorePairs(focal[0] * bent_u + centre[0], focal[1] * bent_v + centre[1], lanes,
+               pixels + 2 * begin);
+  }
+}
+
+// Widens rows, `first_at` and further below the top of a line, to what the line covers of them,
+// `reach` above and below. `low`, `high`: beside the line's top.
+SILHOUETTE_WIDER_VECTORS static void WidenRows(std::pair<int, int> rows, double first_at,
+                                               double reach, double height, double slope,
+                                               double low, double high, double* left,
+                                               double* right) {
+  const Four none = {};
+  Four at = Four{0, 1, 2, 3} + first_at;
+  for (int row = rows.first; row <= rows.second; row += 4, at += 4.0) {
+    const Four from = at - reach;
+    const Four to = at + reach;
+    const Four enters = slope * (from > 0 ? from : none);
+    const Four leaves = slope * (to < height ? to : none + height);
+    const Four least = low + (enters < leaves ? enters : leaves);
+    const Four most = high + (enters > leaves ? enters : leaves);
+    Four lefts;
+    Four rights;
+    std::memcpy(&lefts, left + row, sizeof lefts);
+    std::memcpy(&rights, right + row, sizeof rights);
+    const auto taken = Four{0, 1, 2, 3} + row <= none + rows.second;
+    lefts = taken & (least < lefts) ? least : lefts;
+    rights = taken & (most > rights) ? most : rights;
+    std::memcpy(left + row, &lefts, sizeof lefts);
+    std::memcpy(right + row, &rights, sizeof rights);
+  }
+}
+
 namespace {
 
 Extremes ProjectInto(const Eigen::Isometry3d& camera_from_body, const double* from, size_t count,
@@ -218,10 +281,14 @@ Extremes ProjectInto(const Eigen::Isometry3d& camera_from_body, const double* fr
     }
     move[row] = camera_from_body(row, 3);
   }
-  scratch.points.resize(count);
   scratch.projected.resize(count);
-  return ProjectPoints(turn, move, from, count, scratch.points.data()->data(),
-                       scratch.projected.data()->data());
+  return ProjectPoints(turn, move, from, count, scratch.projected.data()->data());
+}
+
+void PlacePoints(const Eigen::Isometry3d& camera_from_body, const Eigen::Matrix3Xd& points,
+                 DrawingScratch& scratch) {
+  scratch.points.clear();
+  for (const auto& point : points.colwise()) scratch.points.emplace_back(camera_from_body * point);
 }
 
 }  // namespace
@@ -340,39 +407,29 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
   const double slope = level ? 0 : (bottom.x() - top.x()) / height;
   const double low = (level ? std::min(top.x(), bottom.x()) : top.x()) - margin;
   const double high = (level ? std::max(top.x(), bottom.x()) : top.x()) + margin;
-  for (int row = first; row <= last; ++row) {
-    const double enters = slope * std::max(row - reach - top.y(), 0.0);
-    const double leaves = slope * std::min(row + reach - top.y(), height);
-    double& left = scratch.left[static_cast<size_t>(row)];
-    double& right = scratch.right[static_cast<size_t>(row)];
-    left = std::min(left, low + std::min(enters, leaves));
-    right = std::max(right, high + std::max(enters, leaves));
-  }
+  WidenRows({first, last}, first - top.y(), reach, height, slope, low, high, scratch.left.data(),
+            scratch.right.data());
 }
 
-// `at`: where `from` is in the image; on return, where `to` is.
-void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, Vector2d& at,
-                           DrawingScratch& scratch) const {
+void PartDrawer::TraceEdge(const Vector2d& from, const Vector2d& to, const Vector2d& from_pixel,
+                           const Vector2d& to_pixel, DrawingScratch& scratch) const {
   const double bend = window_.bend() * (to - from).squaredNorm() / 8;  // off one chord
   const double margin = widened_ + scratch.widened_by;
-  if (bend <= kSag) {
-    const Vector2d after = PixelAt(camera_.intrinsics(), to);
-    TraceSegment(at, after, margin + bend, scratch);
-    at = after;
-    return;
-  }
+  if (bend <= kSag) return TraceSegment(from_pixel, to_pixel, margin + bend, scratch);
   const int chords =
       std::clamp(static_cast<int>(std::ceil(std::sqrt(bend / kSag))), 1, kMostChords);
+  Vector2d at = from_pixel;
   for (int i = 1; i <= chords; ++i) {
-    const Vector2d after = PixelAt(camera_.intrinsics(), from + (to - from) * i / chords);
+    const Vector2d after =
+        i == chords ? to_pixel : PixelAt(camera_.intrinsics(), from + (to - from) * i / chords);
     TraceSegment(at, after, margin + bend / (chords * chords), scratch);
     at = after;
   }
 }
 
-void PartDrawer::TraceOutline(DrawingScratch& scratch) const {
-  // Only the rows of the drawing before are not clear.
-  const auto height = static_cast<size_t>(size_.height);
+// Only the rows of the drawing before are not clear.
+void PartDrawer::BeginRows(DrawingScratch& scratch) const {
+  const auto height = static_cast<size_t>(size_.height) + kMoreRows;
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (scratch.left.size() < height) {
     scratch.left.resize(height, kInfinity);
@@ -384,29 +441,56 @@ void PartDrawer::TraceOutline(DrawingScratch& scratch) const {
   }
   scratch.first_row = size_.height;
   scratch.last_row = -1;
-  Vector2d at = PixelAt(camera_.intrinsics(), scratch.outline.back());
-  const Vector2d* before = &scratch.outline.back();
-  for (const Vector2d& corner : scratch.outline) {
-    TraceEdge(*before, corner, at, scratch);
-    before = &corner;
+}
+
+void PartDrawer::TraceEdges(const HullEdges& edges, const Vector3d& eye,
+                            DrawingScratch& scratch) const {
+  const CameraIntrinsics& in = camera_.intrinsics();
+  const double focal[2] = {in.fx, in.fy};
+  const double centre[2] = {in.cx, in.cy};
+  const auto& lens = in.distortion;
+  const bool rational = lens[5] != 0 || lens[6] != 0 || lens[7] != 0;
+  const std::vector<Vector2d>& projected = scratch.projected;
+  scratch.pixels.resize(projected.size());
+  PixelsOf(lens.data(), rational, focal, centre, projected.data()->data(), projected.size(),
+           scratch.pixels.data()->data());
+  BeginRows(scratch);
+  edges.ForOutline(eye, [&](uint32_t a, uint32_t b) {
+    TraceEdge(projected[a], projected[b], scratch.pixels[a], scratch.pixels[b], scratch);
+  });
+}
+
+void PartDrawer::TraceOutline(DrawingScratch& scratch) const {
+  BeginRows(scratch);
+  const Vector2d* from = &scratch.outline.back();
+  Vector2d from_pixel = PixelAt(camera_.intrinsics(), *from);
+  for (const Vector2d& to : scratch.outline) {
+    const Vector2d to_pixel = PixelAt(camera_.intrinsics(), to);
+    TraceEdge(*from, to, from_pixel, to_pixel, scratch);
+    from = &to;
+    from_pixel = to_pixel;
   }
 }
 
 PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
-                                     const Eigen::Matrix3Xd& points, double growth,
-                                     DrawingScratch& scratch, MaskWords plane) const {
+                                     const Eigen::Matrix3Xd& points, const HullEdges& edges,
+                                     double growth, DrawingScratch& scratch,
+                                     MaskWords plane) const {
   if (!(growth >= 0) || !std::isfinite(growth)) {
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
-  Extremes seen = ProjectInto(camera_.camera_from_world() * world_from_body, points.data(),
-                              static_cast<size_t>(points.cols()), scratch);
+  const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
+  Extremes seen =
+      ProjectInto(camera_from_body, points.data(), static_cast<size_t>(points.cols()), scratch);
   if (!std::isfinite(seen.sum) || !std::isfinite(window_.scale()) ||
       !std::isfinite(window_.bend())) {
     return Extent::kAll;
   }
   if (seen.farthest + growth <= 0) return Extent::kNothing;  // behind the camera
   const double least = 2 * growth + kNear;
-  if (seen.nearest < least) {
+  const bool cut = seen.nearest < least;
+  if (cut) {
+    PlacePoints(camera_from_body, points, scratch);
     if (!CutNearPlane(growth, least, scratch)) return Extent::kAll;
     if (scratch.points.empty()) return Extent::kNothing;
     seen = ProjectInto(Eigen::Isometry3d::Identity(), scratch.points.data()->data(),
@@ -415,9 +499,17 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   // What a ball's image reaches is between radius / depth and this: ReachOfBall.
   scratch.most_reach = growth * std::sqrt(1 + seen.off_axis) / (seen.nearest - growth);
   scratch.least_reach = growth / seen.farthest;
+  scratch.widened_by = scratch.most_reach * window_.stretch();
+  if (!cut && !edges.empty() && window_.clear_of_fold() && scratch.widened_by <= kThin &&
+      window_.Holds({seen.low[0], seen.low[1]}, {seen.high[0], seen.high[1]})) {
+    const Vector3d eye = -camera_from_body.linear().transpose() * camera_from_body.translation();
+    TraceEdges(edges, eye, scratch);
+    return Extent::kRows;
+  }
   if (!plane.empty() && window_.clear_of_fold() && IsClear(seen.low, seen.high, scratch, plane)) {
     return Extent::kNothing;
   }
+  if (!cut) PlacePoints(camera_from_body, points, scratch);
   WidenedOutline(growth, scratch);
   window_.Clip(scratch.outline, scratch.clipped);
   if (scratch.outline.empty()) return Extent::kNothing;
@@ -426,10 +518,10 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
 }
 
 void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
-                            const Eigen::Matrix3Xd& points, double growth, DrawingScratch& scratch,
-                            std::span<uint64_t> words) const {
+                            const Eigen::Matrix3Xd& points, const HullEdges& edges, double growth,
+                            DrawingScratch& scratch, std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
-  switch (Trace(world_from_body, points, growth, scratch, {})) {
+  switch (Trace(world_from_body, points, edges, growth, scratch, {})) {
     case Extent::kNothing:
       return;
     case Extent::kAll:
@@ -443,9 +535,10 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
 }
 
 bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-                       double growth, DrawingScratch& scratch, MaskWords plane) const {
+                       const HullEdges& edges, double growth, DrawingScratch& scratch,
+                       MaskWords plane) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), plane.size());
-  switch (Trace(world_from_body, points, growth, scratch, plane)) {
+  switch (Trace(world_from_body, points, edges, growth, scratch, plane)) {
     case Extent::kNothing:
       return false;
     case Extent::kAll:

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/robot/drawing/hull_edges.h"
 #include "calib/robot/drawing/lens_window.h"
 #include "calib/robot/drawing/square_corners.h"
 #include "db/mask/mask.h"
@@ -27,6 +28,7 @@ struct DrawingScratch {
   std::vector<Eigen::Vector3d> points;     // in the camera's frame
   std::vector<Eigen::Vector3d> near;       // those of them that are near the camera's plane
   std::vector<Eigen::Vector2d> projected;  // at z = 1
+  std::vector<Eigen::Vector2d> pixels;     // of them
   std::vector<Eigen::Vector2d> hull;
   std::vector<Eigen::Vector2d> outline;  // the hull, widened and clipped
   std::vector<Eigen::Vector2d> clipped;
@@ -54,17 +56,19 @@ class PartDrawer {
   double margin() const { return margin_; }
 
   // Sets every pixel whose square may show a point of the body or one within `growth` metres of it.
-  // `points`: at least one, as columns, metres. `words`: of a mask of size(). Throws
-  // std::invalid_argument if `growth` is negative or not finite, or a word is missing.
+  // `points`: at least one, as columns, metres. `edges`: of their hull; if it is empty, drawing
+  // takes longer. `words`: of a mask of size(). Throws std::invalid_argument if `growth` is
+  // negative or not finite, or a word is missing.
   //
   // Sets at most about 0.2 pixels more than the margin on every side, and the corners of the
   // growth, which is taken for a polygon about it (3.5 %).
   void AddTouched(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-                  double growth, DrawingScratch& scratch, std::span<uint64_t> words) const;
+                  const HullEdges& edges, double growth, DrawingScratch& scratch,
+                  std::span<uint64_t> words) const;
 
   // Whether AddTouched would set a pixel that `plane` has.
   bool Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-             double growth, DrawingScratch& scratch, MaskWords plane) const;
+             const HullEdges& edges, double growth, DrawingScratch& scratch, MaskWords plane) const;
 
   // Sets pixels in whose squares every ray meets the body.
   void AddCovered(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
@@ -88,7 +92,9 @@ class PartDrawer {
   // The hull of the projected body, widened by the growth, as the outline; by so little growth that
   // pixels hardly show it, as a margin.
   void WidenedOutline(double growth, DrawingScratch& scratch) const;
-  void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to, Eigen::Vector2d& at,
+  // Both ends at z = 1 and in the image.
+  void TraceEdge(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
+                 const Eigen::Vector2d& from_pixel, const Eigen::Vector2d& to_pixel,
                  DrawingScratch& scratch) const;
   void TraceSegment(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double margin,
                     DrawingScratch& scratch) const;
@@ -96,12 +102,17 @@ class PartDrawer {
   // is easily seen not to be met.
   enum class Extent { kNothing, kAll, kRows };
   Extent Trace(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-               double growth, DrawingScratch& scratch, MaskWords plane) const;
+               const HullEdges& edges, double growth, DrawingScratch& scratch,
+               MaskWords plane) const;
   // Whether an octagon about the projected, grown points meets the plane nowhere. `low`, `high`: of
   // their x, y, x + y and x - y.
   bool IsClear(std::array<double, 4> low, std::array<double, 4> high, DrawingScratch& scratch,
                MaskWords plane) const;
+  void BeginRows(DrawingScratch& scratch) const;
   void TraceOutline(DrawingScratch& scratch) const;
+  // The same from the projected points of a hull all of which is in the window.
+  void TraceEdges(const HullEdges& edges, const Eigen::Vector3d& eye,
+                  DrawingScratch& scratch) const;
   // Calls `take(first, last)` with the bits of each row of the scratch while it returns true;
   // whether it always did.
   template <typename Take>

@@ -80,8 +80,8 @@ class DrawnArm {
     for (size_t view = 0; view < cameras_.size(); ++view) {
       std::vector<uint64_t> words(kSize.words());
       for (const ArmBall& ball : balls) {
-        robot_->views()[view].AddTouched(Eigen::Isometry3d::Identity(), ball.centre, ball.radius,
-                                         scratch, words);
+        robot_->views()[view].AddTouched(Eigen::Isometry3d::Identity(), ball.centre, {},
+                                         ball.radius, scratch, words);
       }
       const Mask seen = Mask::FromWords(kSize, std::move(words));
       if (!(seen & touched[view]).Empty()) return std::nullopt;

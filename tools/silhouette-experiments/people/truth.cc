@@ -120,8 +120,8 @@ std::vector<Mask> TrueMasks::Draw(std::span<const double> q, std::span<const Pla
     const MaskSize size = drawer.size();
     std::vector<uint64_t> words(size.words());
     for (const PlacedShape& part : people) {
-      drawer.AddTouched(part.world_from_shape, PointsOf(part.shape), part.shape.radius, scratch_,
-                        words);
+      drawer.AddTouched(part.world_from_shape, PointsOf(part.shape), {}, part.shape.radius,
+                        scratch_, words);
     }
     const auto bit = [](size_t pixel) { return uint64_t{1} << (pixel % 64); };
     Flips(size.pixels(), errors_.missed, chance,

@@ -41,7 +41,7 @@ Mask Touched(const PartDrawer& drawer, const Isometry3d& pose, const Matrix3Xd& 
              double growth) {
   DrawingScratch scratch;
   std::vector<uint64_t> words(drawer.size().words());
-  drawer.AddTouched(pose, points, growth, scratch, words);
+  drawer.AddTouched(pose, points, HullEdges(points), growth, scratch, words);
   return Mask::FromWords(drawer.size(), words);
 }
 
@@ -270,6 +270,7 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
         random, {Uniform(random, -1, 1), Uniform(random, -1, 1), Uniform(random, 0.2, 4)});
     const double growth = trial % 4 == 0 ? 0 : std::pow(10, Uniform(random, -3.5, -0.5));
     const Mask mask = Touched(drawer, pose, PointsOf(mesh), growth);
+    const HullEdges edges(PointsOf(mesh));
     DrawingScratch scratch;
     for (int y = 0; y < mask.height(); ++y) {
       for (int x = 0; x < mask.width(); ++x) {
@@ -283,7 +284,7 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
         if (!at_rim) continue;
         const Mask pixel =
             Mask::FromPredicate(mask.size(), [&](int u, int v) { return u == x && v == y; });
-        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), growth, scratch, pixel.words()), set)
+        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), edges, growth, scratch, pixel.words()), set)
             << "trial " << trial << ", pixel " << x << ' ' << y;
         ++(set ? rim : beside);
       }
