@@ -60,27 +60,23 @@ bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) 
     }
     return false;
   }
-  robot_->looks()[view].See(balls, scratch.balls, scratch.seen);
-  const PlaneDistances& distances = planes_[view].distances;
-  for (size_t i = 0; i < balls.balls(); ++i) {
-    const auto pixel = static_cast<size_t>(scratch.seen.pixel[i]);
-    const float reach = scratch.seen.reach[i];
-    const float distance = distances.At(pixel / 2);
-    if (distance > reach) continue;
+  robot_->looks()[view].See(balls, scratch.balls, planes_[view].distances, scratch.seen);
+  for (const auto& [ball, reach, distance, in_pixel] : scratch.seen) {
+    const size_t part = balls.part(ball);
     const bool as_ball =
-        !growth.empty() && growth[balls.part(i)] > kAsBall * static_cast<double>(balls.radius(i));
-    if (as_ball || (distance == 0 && pixel % 2 == 1)) {
+        !growth.empty() && growth[part] > kAsBall * static_cast<double>(balls.radius(ball));
+    if (as_ball || (distance == 0 && in_pixel)) {
       scratch.candidates.resize(begin);
       return true;
     }
     // Not a number, which has no order: not known.
     const float depth = std::isnan(reach) ? kUnknownDepth : reach - distance;
     // Balls of a part stand together.
-    if (scratch.candidates.size() > begin && scratch.candidates.back().part == balls.part(i)) {
+    if (scratch.candidates.size() > begin && scratch.candidates.back().part == part) {
       float& deepest = scratch.candidates.back().depth;
       deepest = std::max(deepest, depth);
     } else {
-      scratch.candidates.push_back({view, balls.part(i), depth});
+      scratch.candidates.push_back({view, part, depth});
     }
   }
   return false;

@@ -33,7 +33,7 @@ struct DrawnCheckScratch {
   DrawingScratch drawing;
   std::vector<Eigen::Isometry3d> base_from_link;
   PlacedBalls balls;
-  SeenBalls seen;
+  std::vector<SeenBall> seen;
   std::vector<Candidate> candidates;  // view by view
 };
 

@@ -23,6 +23,18 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
 
+float Mean(const Lanes& v) {
+  float sum = 0;
+  for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) sum += v[lane];
+  return sum / BallNumbers::kLanes;
+}
+
+float Greatest(const Lanes& v) {
+  float greatest = v[0];
+  for (size_t lane = 1; lane < BallNumbers::kLanes; ++lane) greatest = std::max(greatest, v[lane]);
+  return greatest;
+}
+
 // Balls about a part, whose centres are in the hull of its points. A part is cut across its length
 // into pieces about as long as it is thick.
 struct Cover {
@@ -103,8 +115,25 @@ PartBalls::PartBalls(std::span<const RobotPart> parts) {
     // The last one again, up to whole vectors.
     while (balls() % BallNumbers::kLanes != 0) {
       const size_t last = balls() - 1;
-      Append(part_[last], link, {x_[last], y_[last], z_[last]}, radius_[last], far_[last]);
+      Append(part_[last], link, {x_[last], y_[last], z_[last]}, balls_.radius[last],
+             balls_.far[last]);
       part_radius_[last + 1] = part_radius_[last];
+    }
+  }
+  Group();
+}
+
+void PartBalls::Group() {
+  const size_t vectors = (link_.size() + BallNumbers::kLanes - 1) / BallNumbers::kLanes;
+  groups_.radius.resize(vectors);
+  groups_.far.resize(vectors);
+  for (size_t i = 0; i < link_.size(); ++i) {
+    const Vector3d middle(Mean(x_.vector(i)), Mean(y_.vector(i)), Mean(z_.vector(i)));
+    for (size_t ball = BallNumbers::kLanes * i; ball < BallNumbers::kLanes * (i + 1); ++ball) {
+      const Vector3d centre(x_[ball], y_[ball], z_[ball]);
+      const auto away = static_cast<float>(1.000001 * (centre - middle).norm());
+      groups_.radius[i] = std::max(groups_.radius[i], away + balls_.radius[ball]);
+      groups_.far[i] = std::max(groups_.far[i], away + balls_.far[ball]);
     }
   }
 }
@@ -114,7 +143,7 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   const size_t ball = balls();
   if (ball % BallNumbers::kLanes == 0) {
     link_.push_back(link);
-    for (BallNumbers* numbers : {&x_, &y_, &z_, &radius_, &far_, &part_radius_}) {
+    for (BallNumbers* numbers : {&x_, &y_, &z_, &balls_.radius, &balls_.far, &part_radius_}) {
       numbers->resize(link_.size());
     }
   }
@@ -122,8 +151,8 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   x_[ball] = static_cast<float>(centre.x());
   y_[ball] = static_cast<float>(centre.y());
   z_[ball] = static_cast<float>(centre.z());
-  radius_[ball] = static_cast<float>(radius);
-  far_[ball] = static_cast<float>(far);
+  balls_.radius[ball] = static_cast<float>(radius);
+  balls_.far[ball] = static_cast<float>(far);
   reach_ = std::max(reach_, centre.lpNorm<1>() + far);
 }
 
@@ -160,6 +189,16 @@ void PartBalls::Place(std::span<const Eigen::Isometry3d> base_from_link,
     for (size_t ball = 0; ball < balls(); ++ball) {
       placed.growth[ball] += static_cast<float>(growth[part_[ball]]);
     }
+  }
+  BallPlaces& groups = placed.groups;
+  for (BallNumbers* numbers : {&groups.x, &groups.y, &groups.z, &groups.growth}) {
+    numbers->resize(groups_.radius.vectors());
+  }
+  for (size_t i = 0; i < link_.size(); ++i) {
+    groups.x[i] = Mean(placed.x.vector(i));
+    groups.y[i] = Mean(placed.y.vector(i));
+    groups.z[i] = Mean(placed.z.vector(i));
+    groups.growth[i] = Greatest(placed.growth.vector(i));
   }
   placed.slack = static_cast<float>(kFloat * (away + reach_));
 }
@@ -215,90 +254,108 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-SILHOUETTE_WIDER_VECTORS void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
-                                            SeenBalls& seen) const {
-  seen.pixel.resize(balls.balls());
-  seen.reach.resize(balls.balls());
+void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
+                   const PlaneDistances& distances, std::vector<SeenBall>& seen) const {
+  constexpr size_t kLanes = BallNumbers::kLanes;
+  seen.clear();
   const float slack = placed.slack + slack_;
-  for (size_t i = 0; i < balls.link_.size(); ++i) {
-    const Lanes& px = placed.x.vector(i);
-    const Lanes& py = placed.y.vector(i);
-    const Lanes& pz = placed.z.vector(i);
-    const Lanes x = turn_[0] * px + turn_[1] * py + turn_[2] * pz + move_[0];
-    const Lanes y = turn_[3] * px + turn_[4] * py + turn_[5] * pz + move_[1];
-    const Lanes z = turn_[6] * px + turn_[7] * py + turn_[8] * pz + move_[2];
-    const Lanes radius = balls.radius_.vector(i) * 1.00001F + slack;
-    const Lanes far = balls.far_.vector(i) * 1.00001F + slack;
-    const Lanes growth = placed.growth.vector(i) * 1.00001F;
-    const Lanes none = {};
-    const IntLanes behind = z + far + growth < none - 1e-3F;
-    // What is near the camera's plane is drawn otherwise.
-    const IntLanes ahead = z - far > 2 * growth + 0.011F;
-
-    // At z = 1: a point that is r away from one at o, z is no farther than r sqrt(1 + o^2) / (z -
-    // r) from it there. sqrt(1 + o^2) is no more than 1 + o^2 / 2.
-    const Lanes inverse = 1 / z;
-    const Lanes u = x * inverse;
-    const Lanes v = y * inverse;
-    const Lanes square = u * u + v * v;
-    const Lanes au = u < 0 ? -u : u;
-    const Lanes av = v < 0 ? -v : v;
-    const Lanes off_axis = (au > av ? au : av) + 0.42F * (au > av ? av : au);
-    const Lanes own = radius * (1 + 0.5F * square) / (z - radius);
-    const Lanes apart = far * (1 + 0.5F * square) / (z - far);
-    const Lanes outer = off_axis + apart;
-    const Lanes wide = 1.036F * growth * (1 + 0.5F * outer * outer) / (z - far - growth);
-    const Lanes disc = own + wide;
-    const Lanes extent = 2 * (apart + wide);
-    const Lanes bow = bend_ * 0.125F * extent * extent;
-    const Lanes chord = 0.0626F + bow * (1.0F / 4096);
-    // An edge's chord is off its image, and its margin as wide along both axes.
-    const Lanes sag = 2.5F * (bow < chord ? bow : chord);
-
-    // In the window; what is beyond it is cut off.
-    const Lanes cu = u > low_[0] ? (u < high_[0] ? u : none + high_[0]) : none + low_[0];
-    const Lanes cv = v > low_[1] ? (v < high_[1] ? v : none + high_[1]) : none + low_[1];
-    IntLanes unknown = ~ahead;
-    IntLanes hidden = behind;
-    if (circle_ > 0) {
-      const IntLanes beyond = square > circle_ * circle_ * 0.9999F;
-      const IntLanes wholly =
-          square > (circle_ * 1.0001F + disc) * (circle_ * 1.0001F + disc) * 1.0001F;
-      hidden |= wholly & ahead;
-      unknown |= beyond;
+  const size_t vectors = balls.link_.size();
+  Seen groups;
+  Seen found;
+  for (size_t i = 0; i < vectors; ++i) {
+    if (i % kLanes == 0) SeeVector(balls.groups_, placed.groups, i / kLanes, slack, groups);
+    const auto group_pixel = static_cast<size_t>(groups.pixel[i % kLanes]);
+    if (distances.At(group_pixel / 2) > groups.reach[i % kLanes]) continue;
+    SeeVector(balls.balls_, placed, i, slack, found);
+    for (size_t lane = 0; lane < kLanes; ++lane) {
+      const auto pixel = static_cast<size_t>(found.pixel[lane]);
+      const float distance = distances.At(pixel / 2);
+      if (distance > found.reach[lane]) continue;
+      seen.push_back({kLanes * i + lane, found.reach[lane], distance, pixel % 2 == 1});
     }
-
-    Lanes bent_u;
-    Lanes bent_v;
-    DistortLanes(lens_, rational_, cu, cv, bent_u, bent_v);
-    const Lanes at_x = focal_[0] * bent_u + centre_[0];
-    const Lanes at_y = focal_[1] * bent_v + centre_[1];
-    const float right = static_cast<float>(width_ - 1);
-    const float bottom = static_cast<float>(height_ - 1);
-    const Lanes in_x = at_x > 0 ? (at_x < right ? at_x : none + right) : none;
-    const Lanes in_y = at_y > 0 ? (at_y < bottom ? at_y : none + bottom) : none;
-    const IntLanes column = __builtin_convertvector(in_x + 0.5F, IntLanes);
-    const IntLanes row = __builtin_convertvector(in_y + 0.5F, IntLanes);
-    const Lanes off_x = at_x - __builtin_convertvector(column, Lanes);
-    const Lanes off_y = at_y - __builtin_convertvector(row, Lanes);
-    const Lanes ax = off_x < 0 ? -off_x : off_x;
-    const Lanes ay = off_y < 0 ? -off_y : off_y;
-    const Lanes more = ax > ay ? ax : ay;
-    const Lanes less = ax > ay ? ay : ax;
-    const Lanes away = more + 0.4143F * less;
-    // A margin along both axes reaches farther at corners.
-    const Lanes growth_margin = stretch_ * wide;
-    const Lanes corner = 0.42F * (growth_margin < kThin ? growth_margin : none + kThin);
-    const Lanes reach =
-        stretch_ * disc * 1.00001F + bow + sag + 1.415F * widened_ + corner + rounding_ + away;
-    const Lanes known = unknown ? none + kInfinity : reach;
-    const Lanes result = hidden ? none - 1 : known;
-    const IntLanes centred =
-        ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
-    const IntLanes pixel = 2 * (row * width_ + column) + (centred & 1);
-    std::memcpy(&seen.pixel[BallNumbers::kLanes * i], &pixel, sizeof pixel);
-    std::memcpy(&seen.reach[BallNumbers::kLanes * i], &result, sizeof result);
   }
+}
+
+SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& extents,
+                                                  const BallPlaces& placed, size_t i, float slack,
+                                                  Seen& seen) const {
+  const Lanes& px = placed.x.vector(i);
+  const Lanes& py = placed.y.vector(i);
+  const Lanes& pz = placed.z.vector(i);
+  const Lanes x = turn_[0] * px + turn_[1] * py + turn_[2] * pz + move_[0];
+  const Lanes y = turn_[3] * px + turn_[4] * py + turn_[5] * pz + move_[1];
+  const Lanes z = turn_[6] * px + turn_[7] * py + turn_[8] * pz + move_[2];
+  const Lanes radius = extents.radius.vector(i) * 1.00001F + slack;
+  const Lanes far = extents.far.vector(i) * 1.00001F + slack;
+  const Lanes growth = placed.growth.vector(i) * 1.00001F;
+  const Lanes none = {};
+  const IntLanes behind = z + far + growth < none - 1e-3F;
+  // What is near the camera's plane is drawn otherwise.
+  const IntLanes ahead = z - far > 2 * growth + 0.011F;
+
+  // At z = 1: a point that is r away from one at o, z is no farther than r sqrt(1 + o^2) / (z -
+  // r) from it there. sqrt(1 + o^2) is no more than 1 + o^2 / 2.
+  const Lanes inverse = 1 / z;
+  const Lanes u = x * inverse;
+  const Lanes v = y * inverse;
+  const Lanes square = u * u + v * v;
+  const Lanes au = u < 0 ? -u : u;
+  const Lanes av = v < 0 ? -v : v;
+  const Lanes off_axis = (au > av ? au : av) + 0.42F * (au > av ? av : au);
+  const Lanes own = radius * (1 + 0.5F * square) / (z - radius);
+  const Lanes apart = far * (1 + 0.5F * square) / (z - far);
+  const Lanes outer = off_axis + apart;
+  const Lanes wide = 1.036F * growth * (1 + 0.5F * outer * outer) / (z - far - growth);
+  const Lanes disc = own + wide;
+  const Lanes extent = 2 * (apart + wide);
+  const Lanes bow = bend_ * 0.125F * extent * extent;
+  const Lanes chord = 0.0626F + bow * (1.0F / 4096);
+  // An edge's chord is off its image, and its margin as wide along both axes.
+  const Lanes sag = 2.5F * (bow < chord ? bow : chord);
+
+  // In the window; what is beyond it is cut off.
+  const Lanes cu = u > low_[0] ? (u < high_[0] ? u : none + high_[0]) : none + low_[0];
+  const Lanes cv = v > low_[1] ? (v < high_[1] ? v : none + high_[1]) : none + low_[1];
+  IntLanes unknown = ~ahead;
+  IntLanes hidden = behind;
+  if (circle_ > 0) {
+    const IntLanes beyond = square > circle_ * circle_ * 0.9999F;
+    const IntLanes wholly =
+        square > (circle_ * 1.0001F + disc) * (circle_ * 1.0001F + disc) * 1.0001F;
+    hidden |= wholly & ahead;
+    unknown |= beyond;
+  }
+
+  Lanes bent_u;
+  Lanes bent_v;
+  DistortLanes(lens_, rational_, cu, cv, bent_u, bent_v);
+  const Lanes at_x = focal_[0] * bent_u + centre_[0];
+  const Lanes at_y = focal_[1] * bent_v + centre_[1];
+  const float right = static_cast<float>(width_ - 1);
+  const float bottom = static_cast<float>(height_ - 1);
+  const Lanes in_x = at_x > 0 ? (at_x < right ? at_x : none + right) : none;
+  const Lanes in_y = at_y > 0 ? (at_y < bottom ? at_y : none + bottom) : none;
+  const IntLanes column = __builtin_convertvector(in_x + 0.5F, IntLanes);
+  const IntLanes row = __builtin_convertvector(in_y + 0.5F, IntLanes);
+  const Lanes off_x = at_x - __builtin_convertvector(column, Lanes);
+  const Lanes off_y = at_y - __builtin_convertvector(row, Lanes);
+  const Lanes ax = off_x < 0 ? -off_x : off_x;
+  const Lanes ay = off_y < 0 ? -off_y : off_y;
+  const Lanes more = ax > ay ? ax : ay;
+  const Lanes less = ax > ay ? ay : ax;
+  const Lanes away = more + 0.4143F * less;
+  // A margin along both axes reaches farther at corners.
+  const Lanes growth_margin = stretch_ * wide;
+  const Lanes corner = 0.42F * (growth_margin < kThin ? growth_margin : none + kThin);
+  const Lanes reach =
+      stretch_ * disc * 1.00001F + bow + sag + 1.415F * widened_ + corner + rounding_ + away;
+  const Lanes known = unknown ? none + kInfinity : reach;
+  const Lanes result = hidden ? none - 1 : known;
+  const IntLanes centred =
+      ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
+  const IntLanes pixel = 2 * (row * width_ + column) + (centred & 1);
+  std::memcpy(seen.pixel, &pixel, sizeof pixel);
+  std::memcpy(seen.reach, &result, sizeof result);
 }
 
 }  // namespace silhouette

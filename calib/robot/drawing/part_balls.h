@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // PartBalls: balls about a robot's parts, which are quickly looked up in a view's plane.
 //
-// Balls stand in lanes of eight, by the link that they move with; lanes that are left over repeat a
-// ball. Single precision. A value; used by any number of threads.
+// Balls stand in vectors of eight, by the link that they move with; lanes that are left over repeat
+// a ball. A larger ball about those of a vector, its group, is looked up first. Single precision. A
+// value; used by any number of threads.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "calib/robot/drawing/part_drawer.h"
+#include "calib/robot/drawing/plane_distances.h"
 
 namespace silhouette {
 
@@ -39,21 +41,26 @@ class BallNumbers {
   std::vector<Vector> vectors_;
 };
 
-// Where the balls are in the world at some joint values, and how far their parts are grown.
-struct PlacedBalls {
+struct BallPlaces {
   BallNumbers x, y, z;
-  BallNumbers growth;  // radius of the part and its growth
-  float slack = 0;     // metres that rounding may have moved a ball by
+  BallNumbers growth;  // radius of the part and its growth; of a group, the greatest
 };
 
-// What a view sees of the balls; one of each for a ball.
-struct SeenBalls {
-  // The number of the pixel that the centre is nearest to, twice; one more if the ball's centre, a
-  // point of the part, is in the square of that pixel for certain.
-  std::vector<int32_t> pixel;
-  // Pixels about the centre of that pixel: if no square of the plane is as near, AddTouched meets
-  // it nowhere with the piece of the part that the ball holds. Not a number or infinite: not known.
-  std::vector<float> reach;
+// Where the balls are in the world at some joint values, and how far their parts are grown.
+struct PlacedBalls : BallPlaces {
+  BallPlaces groups;
+  float slack = 0;  // metres that rounding may have moved a ball by
+};
+
+// A ball that may meet the plane of a view.
+struct SeenBall {
+  size_t ball = 0;
+  // Pixels about the centre of a pixel, the nearest to the ball's: if no square of the plane is as
+  // near, AddTouched meets it nowhere with the piece of the part that the ball holds. Not a number
+  // or infinite: not known.
+  float reach = 0;
+  float distance = 0;     // of that pixel from the plane, which is no more
+  bool in_pixel = false;  // the ball's centre, a point of the part, is in its square for certain
 };
 
 class PartBalls {
@@ -64,7 +71,7 @@ class PartBalls {
   size_t balls() const { return part_.size(); }
   size_t part(size_t ball) const { return part_[ball]; }
   // Metres; the ball's centre is in the hull of the part's points.
-  float radius(size_t ball) const { return radius_[ball]; }
+  float radius(size_t ball) const { return balls_.radius[ball]; }
 
   // `growth`: by part, or empty.
   void Place(std::span<const Eigen::Isometry3d> base_from_link, std::span<const double> growth,
@@ -73,13 +80,19 @@ class PartBalls {
  private:
   friend class BallLook;
 
+  // How far pieces, and parts, are from the balls' centres at most.
+  struct Extents {
+    BallNumbers radius, far;
+  };
+
   void Append(size_t part, size_t link, const Eigen::Vector3d& centre, double radius, double far);
+  void Group();
 
   std::vector<size_t> part_;  // by ball
   std::vector<size_t> link_;  // by vector of balls
   BallNumbers x_, y_, z_;     // in the frame of the link
-  BallNumbers radius_;        // of the ball; holds a piece of the part without its radius
-  BallNumbers far_;           // how far any point of the part is from the ball's centre at most
+  Extents balls_;             // of parts without their radius
+  Extents groups_;
   BallNumbers part_radius_;
   double reach_ = 0;  // how far a ball's centre is from its link's origin at most
 };
@@ -92,10 +105,22 @@ class BallLook {
   // Whether anything is known; else no ball is.
   bool bounded() const { return bounded_; }
 
-  // One for each ball. `balls`: of which `placed` is.
-  void See(const PartBalls& balls, const PlacedBalls& placed, SeenBalls& seen) const;
+  // The balls that may meet a plane, in their order; others meet it nowhere. `balls`: of which
+  // `placed` is. `distances`: of the plane.
+  void See(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
+           std::vector<SeenBall>& seen) const;
 
  private:
+  // Of each of a vector of balls.
+  struct Seen {
+    // The number of the pixel that the centre is nearest to, twice; one more if it is in its
+    // square for certain.
+    int32_t pixel[BallNumbers::kLanes];
+    float reach[BallNumbers::kLanes];
+  };
+  void SeeVector(const PartBalls::Extents& extents, const BallPlaces& placed, size_t i, float slack,
+                 Seen& seen) const;
+
   bool bounded_ = false;
   float turn_[9] = {};  // camera from world, row by row
   float move_[3] = {};
