@@ -19,14 +19,11 @@ bool IsFinite(const ChainLink& link) {
 // a * b. Eigen's own is not inlined, and takes longer.
 Eigen::Isometry3d Product(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
   Eigen::Isometry3d product;
+  const Eigen::Matrix4d& from = a.matrix();
   for (int column = 0; column < 4; ++column) {
-    for (int row = 0; row < 3; ++row) {
-      const double sum =
-          a(row, 0) * b(0, column) + a(row, 1) * b(1, column) + a(row, 2) * b(2, column);
-      product(row, column) = column < 3 ? sum : sum + a(row, 3);
-    }
+    product.matrix().col(column) = from.col(0) * b(0, column) + from.col(1) * b(1, column) +
+                                   from.col(2) * b(2, column) + from.col(3) * b(3, column);
   }
-  product.makeAffine();
   return product;
 }
 
@@ -35,9 +32,7 @@ Eigen::Isometry3d Product(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b
 Eigen::Isometry3d ParentFromLink(const ChainLink& link, double value) {
   const double moved = link.factor * value + link.offset;
   if (link.slides) return link.parent_from_link * Eigen::Translation3d(moved * link.axis);
-  Eigen::Isometry3d turned = Eigen::Isometry3d::Identity();
-  turned.linear() = Eigen::AngleAxisd(moved, link.axis).toRotationMatrix();
-  return Product(link.parent_from_link, turned);
+  return link.parent_from_link * Eigen::AngleAxisd(moved, link.axis);
 }
 
 KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<ChainLink> links)
@@ -47,6 +42,7 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
       throw std::invalid_argument("joint '" + joint.name + "' has limits that cannot be");
     }
   }
+  turns_.resize(links_.size());
   for (size_t i = 0; i < links_.size(); ++i) {
     const ChainLink& link = links_[i];
     const bool placed = i == 0 ? link.parent == -1 && link.joint == -1
@@ -63,6 +59,11 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
     if (link.slides && joint.continuous) {
       throw std::invalid_argument("joint '" + joint.name + "' cannot slide without end");
     }
+    Eigen::Matrix3d cross;
+    cross << 0, -link.axis.z(), link.axis.y(), link.axis.z(), 0, -link.axis.x(), -link.axis.y(),
+        link.axis.x(), 0;
+    turns_[i].sine = link.parent_from_link.linear() * cross;
+    turns_[i].versine = turns_[i].sine * cross;
   }
 }
 
@@ -87,10 +88,17 @@ void KinematicChain::Pose(std::span<const double> q,
       base_from_link[i] = link.parent_from_link;
       continue;
     }
-    const Eigen::Isometry3d& parent = base_from_link[static_cast<size_t>(link.parent)];
-    base_from_link[i] =
-        Product(parent, link.joint < 0 ? link.parent_from_link
-                                       : ParentFromLink(link, q[static_cast<size_t>(link.joint)]));
+    Eigen::Isometry3d parent_from_link = link.parent_from_link;
+    if (link.joint >= 0) {
+      const double moved = link.factor * q[static_cast<size_t>(link.joint)] + link.offset;
+      if (link.slides) {
+        parent_from_link.translation() += moved * (link.parent_from_link.linear() * link.axis);
+      } else {
+        parent_from_link.linear() +=
+            std::sin(moved) * turns_[i].sine + (1 - std::cos(moved)) * turns_[i].versine;
+      }
+    }
+    base_from_link[i] = Product(base_from_link[static_cast<size_t>(link.parent)], parent_from_link);
   }
 }
 

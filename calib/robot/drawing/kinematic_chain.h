@@ -63,6 +63,14 @@ class KinematicChain {
  private:
   std::vector<ChainJoint> joints_;
   std::vector<ChainLink> links_;
+  // By link that turns: by its angle its orientation in its parent's frame is that of standing
+  // still
+  // + sin * sine + (1 - cos) * versine (Rodrigues).
+  struct Turn {
+    Eigen::Matrix3d sine = Eigen::Matrix3d::Zero();
+    Eigen::Matrix3d versine = Eigen::Matrix3d::Zero();
+  };
+  std::vector<Turn> turns_;
 };
 
 }  // namespace silhouette
