@@ -2,7 +2,9 @@
 #include "calib/robot/drawing/convex_outline.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 namespace silhouette {
 namespace {
@@ -74,9 +76,16 @@ void WidenOutline(std::span<const Vector2d> hull, double radius, std::vector<Vec
 }
 
 void AppendAround(const Vector2d& centre, double radius, std::vector<Vector2d>& points) {
-  const Vector2d right = Vector2d::UnitX();
-  AppendArc(centre, radius, right, -right, points);
-  AppendArc(centre, radius, -right, right, points);
+  // Twelve, where tangents 30 degrees apart meet.
+  static const auto corners = [] {
+    std::array<Vector2d, 12> around;
+    for (size_t i = 0; i < around.size(); ++i) {
+      const double angle = std::numbers::pi / 6 * static_cast<double>(i);
+      around[i] = Vector2d(std::cos(angle), std::sin(angle)) / std::cos(std::numbers::pi / 12);
+    }
+    return around;
+  }();
+  for (const Vector2d& corner : corners) points.push_back(centre + radius * corner);
 }
 
 }  // namespace silhouette

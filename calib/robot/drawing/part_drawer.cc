@@ -31,8 +31,9 @@ int CeilOf(double x) {
   return whole < x ? whole + 1 : whole;
 }
 
-// Drops points inside the octagon of those that are farthest out: they are not on the hull.
-void DropInner(std::vector<Vector2d>& points) {
+// Drops points that are not on the hull for certain: those inside the octagon of the points that
+// are farthest out. `radii`, if there are any: of circles about the points, of whose hull it is.
+void DropInner(std::vector<Vector2d>& points, std::vector<double>& radii) {
   constexpr size_t kCorners = 8;
   if (points.size() <= kCorners) return;
   const auto values = [](const Vector2d& p) {
@@ -67,13 +68,26 @@ void DropInner(std::vector<Vector2d>& points) {
     ++sides;
   }
   if (sides == 0) return;  // all points are one
-  std::erase_if(points, [&](const Vector2d& p) {
+  const double least = radii.empty() ? 0 : *std::ranges::min_element(radii);
+  double lengths[kCorners] = {};
+  for (size_t i = 0; i < sides && !radii.empty(); ++i) lengths[i] = normals[i].norm();
+  size_t kept = 0;
+  for (size_t at = 0; at < points.size(); ++at) {
+    const Vector2d p = points[at];
+    // The octagon holds circles of the least radius about all of its points.
+    const double more = radii.empty() ? 0 : radii[at] - least;
     bool inside = true;
     for (size_t i = 0; i < sides; ++i) {
-      inside &= normals[i].x() * (p.x() - from[i].x()) + normals[i].y() * (p.y() - from[i].y()) > 0;
+      inside &= normals[i].x() * (p.x() - from[i].x()) + normals[i].y() * (p.y() - from[i].y()) >
+                more * lengths[i];
     }
-    return inside;
-  });
+    if (inside) continue;
+    points[kept] = p;
+    if (!radii.empty()) radii[kept] = radii[at];
+    ++kept;
+  }
+  points.resize(kept);
+  if (!radii.empty()) radii.resize(kept);
 }
 
 void RequireWords(MaskSize size, size_t points, size_t words) {
@@ -365,8 +379,9 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
   const double most = scratch.most_reach;
   scratch.widened_by = 0;
   constexpr double kAlike = 0.1;  // pixels
+  scratch.reaches.clear();
   if (growth == 0 || (most - scratch.least_reach) * window_.scale() < kAlike) {
-    DropInner(scratch.projected);
+    DropInner(scratch.projected, scratch.reaches);
     if (window_.clear_of_fold() && most * window_.stretch() <= kThin) {
       ConvexHull(scratch.projected, scratch.outline);
       scratch.widened_by = most * window_.stretch();
@@ -377,14 +392,17 @@ void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
     return;
   }
   // Near the camera, or far off its axis: each ball has a size of its own.
-  const size_t points = scratch.points.size();
-  scratch.projected.clear();
-  for (size_t i = 0; i < points; ++i) {
-    const Vector3d& point = scratch.points[i];
-    AppendAround(point.head<2>() / point.z(), ReachOfBall(point, growth), scratch.projected);
+  for (const Vector3d& point : scratch.points) {
+    scratch.reaches.push_back(ReachOfBall(point, growth));
   }
-  DropInner(scratch.projected);
-  ConvexHull(scratch.projected, scratch.outline);
+  DropInner(scratch.projected, scratch.reaches);
+  scratch.around.clear();
+  for (size_t i = 0; i < scratch.projected.size(); ++i) {
+    AppendAround(scratch.projected[i], scratch.reaches[i], scratch.around);
+  }
+  scratch.reaches.clear();
+  DropInner(scratch.around, scratch.reaches);
+  ConvexHull(scratch.around, scratch.outline);
 }
 
 void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double margin,

@@ -32,7 +32,9 @@ struct DrawingScratch {
   std::vector<Eigen::Vector2d> hull;
   std::vector<Eigen::Vector2d> outline;  // the hull, widened and clipped
   std::vector<Eigen::Vector2d> clipped;
-  double least_reach = 0;  // of the growth's image, at z = 1
+  std::vector<double> reaches;          // of the growth's images about the projected, at z = 1
+  std::vector<Eigen::Vector2d> around;  // corners about these
+  double least_reach = 0;               // of the growth's image, at z = 1
   double most_reach = 0;
   double widened_by = 0;      // pixels on every side that the outline does not hold yet
   std::vector<double> left;   // by row: the least x of the outline, in mask pixels
