@@ -36,7 +36,7 @@ absl::StatusOr<double> NumberFrom(absl::string_view text, const std::string& pla
 
 absl::StatusOr<std::vector<PoseRow>> RowsOfTable(const std::string& text, const std::string& file,
                                                  const PoseNotation& notation) {
-  const PoseTable table = PoseTableOf(text, notation);
+  ASSIGN_OR_RETURN(const PoseTable table, PoseTableOf(text, file, notation));
   // Robots name them in capitals, too.
   const CsvHeader header = table.named ? CsvHeader::kAnyCase : CsvHeader::kNone;
   ASSIGN_OR_RETURN(const std::vector<CsvRow> lines,

@@ -18,12 +18,12 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
 
 constexpr char kFrame[] = "frame";
-constexpr char kSignMend[] = " (write the sign with its number)";
 
 using Lines = std::vector<std::string>;
 
@@ -32,18 +32,8 @@ bool IsNumber(const std::string& word) {
   return absl::SimpleAtod(word, &number);
 }
 
-// A '-' that stands alone may be a sign that lost its number. It is one field with the number,
-// which nothing reads as a number.
 Lines FieldsOf(absl::string_view text) {
-  const Lines words = absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[](){}"), absl::SkipEmpty());
-  Lines fields;
-  for (size_t i = 0; i < words.size(); ++i) {
-    fields.push_back(words[i]);
-    if (words[i] != "-") continue;
-    if (i + 1 < words.size()) absl::StrAppend(&fields.back(), " ", words[++i]);
-    fields.back() += kSignMend;
-  }
-  return fields;
+  return absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;[](){}"), absl::SkipEmpty());
 }
 
 // YAML's mark of a list: before a bracket or a name, where it cannot be a sign.
@@ -76,16 +66,6 @@ void ReadListMarks(Lines& lines) {
   lines = std::move(unmarked);
 }
 
-// A table that CsvRows and CsvRow refuse at this line, which they cite with the field.
-PoseTable RefusedAt(size_t line, const std::string& field, const PoseNotation& notation) {
-  PoseTable table;
-  table.columns = notation.columns();
-  table.has_frames = false;
-  table.csv =
-      absl::StrCat(std::string(line, '\n'), absl::StrJoin(Lines(table.columns.size(), field), ","));
-  return table;
-}
-
 // Whether brackets hold fields; those within a name, as in "img (1)", do not.
 bool HasBracketsOfFields(const std::string& line) {
   const Lines fields = absl::StrSplit(line, ',');
@@ -98,20 +78,9 @@ bool HasBracketsOfFields(const std::string& line) {
   });
 }
 
-// The first field with a sign that stands alone; empty if there is none. Between commas it is the
-// first word: a name may be "run - 3".
-std::string LoneSignIn(const std::string& line) {
-  Lines firsts = FieldsOf(line);
-  if (line.find(',') != std::string::npos && !HasBracketsOfFields(line)) {
-    firsts.clear();
-    for (const absl::string_view field : absl::StrSplit(line, ',')) {
-      const Lines words = FieldsOf(field);
-      if (!words.empty()) firsts.push_back(words.front());
-    }
-  }
-  const auto found = std::ranges::find_if(
-      firsts, [](const std::string& field) { return absl::EndsWith(field, kSignMend); });
-  return found == firsts.end() ? std::string() : *found;
+// Whether anything but commas alone separates the fields.
+bool IsToBeSplit(const std::string& line) {
+  return line.find(',') == std::string::npos || HasBracketsOfFields(line);
 }
 
 Lines WithoutComments(absl::string_view text) {
@@ -218,14 +187,16 @@ std::vector<std::string> PoseFields(const std::string& text) {
   return FieldsOf(absl::StrJoin(lines, "\n"));
 }
 
-PoseTable PoseTableOf(const std::string& text, const PoseNotation& notation) {
+absl::StatusOr<PoseTable> PoseTableOf(const std::string& text, const std::string& file,
+                                      const PoseNotation& notation) {
   PoseTable table;
   Lines lines = WithoutComments(text);
   ReadListMarks(lines);
   ReadDecimalCommas(lines);
   for (size_t i = 0; i < lines.size(); ++i) {
-    const std::string sign = LoneSignIn(lines[i]);
-    if (!sign.empty()) return RefusedAt(i, sign, notation);
+    const Lines fields = FieldsOf(lines[i]);
+    if (!IsToBeSplit(lines[i]) || std::ranges::find(fields, "-") == fields.end()) continue;
+    return InvalidArgument(file, ":", i + 1, ": a '-' stands apart; write it with its number");
   }
   const bool matrix = notation.name() == "matrix";
   if (matrix) JoinMatrices(lines);
@@ -233,8 +204,7 @@ PoseTable PoseTableOf(const std::string& text, const PoseNotation& notation) {
   bool first = true;
   for (std::string& line : lines) {
     std::vector<std::string> fields = FieldsOf(line);
-    const bool commas = line.find(',') != std::string::npos;
-    if (!commas || HasBracketsOfFields(line)) line = absl::StrJoin(fields, ",");
+    if (IsToBeSplit(line)) line = absl::StrJoin(fields, ",");
     if (fields.empty() || !first) continue;
     first = false;
     table.named = !IsNumber(fields.back());

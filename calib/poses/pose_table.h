@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "calib/poses/pose_notation.h"
 
 namespace silhouette {
@@ -19,13 +20,13 @@ struct PoseTable {
 
 // Takes away comments (#, %, //) and brackets; reads decimal commas, and matrices over several
 // lines. Of a line of names: x, y, z and qx, q_x, quat_x, ... are the notation's; image, file,
-// time, index, ... are the frame. A '-' without its number is YAML's mark of a list if every line
-// begins with one, before a bracket or a name. Otherwise the table has a row whose fields are no
-// numbers and name the mend.
-PoseTable PoseTableOf(const std::string& text, const PoseNotation& notation);
+// time, index, ... are the frame. A '-' is YAML's mark of a list if every line begins with one,
+// before a bracket or a name. InvalidArgument with `file` and line: another '-' apart from its
+// number.
+absl::StatusOr<PoseTable> PoseTableOf(const std::string& text, const std::string& file,
+                                      const PoseNotation& notation);
 
-// Fields that are separated by anything but points. A '-' without its number as in PoseTableOf: its
-// field is no number and names the mend.
+// Fields that are separated by anything but points.
 std::vector<std::string> PoseFields(const std::string& text);
 
 }  // namespace silhouette
