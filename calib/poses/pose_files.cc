@@ -8,9 +8,11 @@
 #include <utility>
 
 #include "absl/status/status.h"
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/string_view.h"
 #include "calib/boards/csv.h"
 #include "calib/poses/pose_frames.h"
@@ -54,6 +56,23 @@ absl::StatusOr<std::vector<PoseRow>> RowsOfTable(const std::string& text, const 
   return rows;
 }
 
+// Of lists as Python and numpy print them, where that is no JSON: each innermost one is a line.
+absl::StatusOr<std::vector<PoseRow>> RowsOfPrinted(const std::string& text, const std::string& file,
+                                                   const PoseNotation& notation) {
+  const std::string lines = absl::StrReplaceAll(
+      text, {{"np.array", ""}, {"array", ""}, {",", " "}, {"\n", " "}, {"]", "\n"}, {")", "\n"}});
+  absl::StatusOr<std::vector<PoseRow>> rows = RowsOfTable(lines, file, notation);
+  if (!rows.ok()) {
+    return InvalidArgument(file, ": no poses as '", notation.name(),
+                           "' in the lists that Python printed; write them with "
+                           "numpy.savetxt(FILE, numpy.reshape(POSES, (len(POSES), -1)))");
+  }
+  for (PoseRow& row : *rows) {
+    row.place = absl::StrCat(file, ", pose ", 1 + (&row - rows->data()));
+  }
+  return rows;
+}
+
 void AppendNumbers(const nlohmann::json& json, std::vector<double>& values) {
   if (json.is_array()) {
     for (const nlohmann::json& item : json) AppendNumbers(item, values);
@@ -87,8 +106,8 @@ absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const s
     return InvalidArgument(file,
                            ": no poses as JSON, which are {\"FRAME\": [NUMBERS], ...} or "
                            "[{\"frame\": \"FRAME\", \"",
-                           absl::StrJoin(notation.columns(), "\": 0, \""),
-                           "\": 0}, ...]: ", error.what());
+                           notation.columns().front(),
+                           "\": 0, ...}, ...], as Python's json.dump writes them: ", error.what());
   }
 }
 
@@ -134,10 +153,14 @@ std::string RobotPoseFileText(const std::vector<RobotPose>& poses) {
 absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& text,
                                                           const std::string& file,
                                                           const PoseNotation& notation) {
-  const size_t first = text.find_first_not_of(" \t\r\n");
-  const bool json = first != std::string::npos && (text[first] == '{' || text[first] == '[');
-  ASSIGN_OR_RETURN(const std::vector<PoseRow> rows,
-                   json ? RowsOfJson(text, file, notation) : RowsOfTable(text, file, notation));
+  const absl::string_view begin = absl::StripLeadingAsciiWhitespace(text);
+  const bool lists = absl::StartsWith(begin, "[");
+  const bool json = absl::StartsWith(begin, "{") ||
+                    (lists && (absl::StrContains(begin, '{') || nlohmann::json::accept(text)));
+  const bool printed = lists || absl::StartsWith(begin, "array(");
+  ASSIGN_OR_RETURN(const std::vector<PoseRow> rows, json      ? RowsOfJson(text, file, notation)
+                                                    : printed ? RowsOfPrinted(text, file, notation)
+                                                              : RowsOfTable(text, file, notation));
   return PosesOf(rows, file, notation);
 }
 

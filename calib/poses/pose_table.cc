@@ -184,7 +184,8 @@ std::string ColumnOf(std::string name, const std::vector<std::string>& columns) 
 std::vector<std::string> PoseFields(const std::string& text) {
   Lines lines = absl::StrSplit(text, '\n');
   ReadListMarks(lines);
-  return FieldsOf(absl::StrJoin(lines, "\n"));
+  const std::string joined = absl::StrJoin(lines, "\n");
+  return FieldsOf(absl::StripPrefix(joined, "array("));
 }
 
 absl::StatusOr<PoseTable> PoseTableOf(const std::string& text, const std::string& file,

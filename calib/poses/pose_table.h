@@ -26,7 +26,7 @@ struct PoseTable {
 absl::StatusOr<PoseTable> PoseTableOf(const std::string& text, const std::string& file,
                                       const PoseNotation& notation);
 
-// Fields that are separated by anything but points.
+// Fields that are separated by anything but points; numpy's array(...) around them is taken away.
 std::vector<std::string> PoseFields(const std::string& text);
 
 }  // namespace silhouette

@@ -213,6 +213,52 @@ TEST(RobotPoseFile, MatricesMayBeOverSeveralLines) {
   EXPECT_EQ((*named)[1].frame, "b");
 }
 
+TEST(RobotPoseFile, ListsAreReadAsPythonAndNumpyPrintThem) {
+  const PoseNotation matrix = PoseNotation::Named("matrix", "m").value();
+  for (const char* const text :
+       {"[[[ 0.   -1.    0.    0.4 ]\n  [ 1.    0.    0.    0.  ]\n  [ 0.    0.    1.    0.  ]\n"
+        "  [ 0.    0.    0.    1.  ]]\n\n [[ 1.    0.    0.    0.1 ]\n  [ 0.    1.    0.    0.  ]\n"
+        "  [ 0.    0.    1.    0.3 ]\n  [ 0.    0.    0.    1.  ]]]\n",
+        "[array([[0., -1., 0., 0.4],\n       [1., 0., 0., 0.],\n       [0., 0., 1., 0.],\n"
+        "       [0., 0., 0., 1.]]), array([[1., 0., 0., 0.1],\n       [0., 1., 0., 0.],\n"
+        "       [0., 0., 1., 0.3],\n       [0., 0., 0., 1.]])]",
+        "array([[[0., -1., 0., 0.4], [1., 0., 0., 0.], [0., 0., 1., 0.], [0., 0., 0., 1.]],\n"
+        " [[1., 0., 0., 0.1], [0., 1., 0., 0.], [0., 0., 1., 0.3], [0., 0., 0., 1.]]])",
+        "[((0, -1, 0, 0.4), (1, 0, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)),\n"
+        " ((1, 0, 0, 0.1), (0, 1, 0, 0), (0, 0, 1, 0.3), (0, 0, 0, 1)),]"}) {
+    const auto poses = RobotPosesFromText(text, "poses.txt", matrix);
+    ASSERT_TRUE(poses.ok()) << poses.status() << text;
+    ASSERT_EQ(poses->size(), 2u) << text;
+    EXPECT_EQ((*poses)[1].frame, NameOfRow(2));
+    EXPECT_NEAR((*poses)[0].base_from_flange(1, 0), 1, 1e-12);
+    EXPECT_NEAR((*poses)[1].base_from_flange.translation().z(), 0.3, 1e-12);
+  }
+  // A row over two lines, as numpy breaks long ones.
+  const RobotPose broken = OnlyPose("[[ 0.4 -0.1  0.6  0.6\n   0.   0.   0.8]]", "quaternion");
+  EXPECT_NEAR(broken.base_from_flange.translation().y(), -0.1, 1e-12);
+  EXPECT_TRUE(RobotPosesFromTexts({{"1", "1.txt",
+                                    "array([[1., 0., 0., 0.1],\n       [0., 1., 0., 0. ],\n"
+                                    "       [0., 0., 1., 0.3],\n       [0., 0., 0., 1. ]])\n"}},
+                                  matrix)
+                  .ok());
+}
+
+TEST(RobotPoseFile, WhatNumpyLeavesOutInPrintIsRefusedWithTheMend) {
+  const std::string row = "[1. 0. 0. 0.1]\n  [0. 1. 0. 0.]\n  [0. 0. 1. 0.3]\n  [0. 0. 0. 1.]";
+  for (const auto& [notation, text] :
+       {std::pair<std::string, std::string>{"matrix", "[[" + row + "]\n ...\n [" + row + "]]"},
+        {"quaternion", "[[0.4 0.1 0.6 ... 0. 0. 1.]\n [0.4 0.1 0.6 ... 0. 0. 1.]]"},
+        {"quaternion", "[[0.4 0.1 0.6 0. 0. 0. 1.]\n ...\n [0.4 0.1 0.6 0. 0. 0. 1.]]"},
+        {"quaternion", "[[np.float64(0.4), np.float64(0.1)]]"}}) {
+    const std::string units = notation == "matrix" ? "m" : "";
+    EXPECT_THAT(
+        std::string(RobotPosesFromText(text, "p", PoseNotation::Named(notation, units).value())
+                        .status()
+                        .message()),
+        AllOf(HasSubstr("p: no poses as '" + notation + "'"), HasSubstr("numpy.savetxt(FILE")));
+  }
+}
+
 TEST(RobotPoseFile, UnitsAreStatedOrRefusedAndNeverGuessed) {
   const auto unnamed = [](const std::string& notation, const std::string& units = "") {
     return std::string(PoseNotation::Named(notation, units).status().message());
