@@ -139,7 +139,7 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
       std::cerr << "silhouette-calibrate: " << warning << "\n";
     }
     std::cerr << "silhouette-calibrate: " << solution.status().message();
-    const std::string hint = HintOfUnit(sources, std::string(solution.status().message()));
+    const std::string hint = HintOfUnit(sources, problem, std::string(solution.status().message()));
     if (!hint.empty()) std::cerr << "\n" << hint;
     std::cerr << "\nnothing was written" << std::endl;
     return kNo;
@@ -171,7 +171,7 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
   ASSIGN_OR_RETURN(QualityReport report,
                    ReportOn(problem, sources, arguments.workspace, arguments.groups));
   if (!report.refusal.empty()) {
-    const std::string hint = HintOfUnit(sources, report.refusal);
+    const std::string hint = HintOfUnit(sources, problem, report.refusal);
     if (!hint.empty()) absl::StrAppend(&report.refusal, "; ", hint);
     for (const std::string& warning : problem.warnings) {
       std::cerr << "silhouette-calibrate: " << warning << "\n";

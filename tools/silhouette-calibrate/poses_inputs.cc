@@ -163,6 +163,15 @@ absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources
       absl::StrCat("--robot-poses: there is no file '", sources.robot_poses, "'"));
 }
 
+// Reads them, and names them as the problem's frames.
+absl::Status TakeRobotPoses(const PoseSources& sources, PoseProblem& problem) {
+  ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources));
+  ASSIGN_OR_RETURN(const std::string guessed,
+                   NamePosesByFrames(problem.sightings, problem.robot_poses));
+  if (!guessed.empty()) problem.warnings.push_back(guessed);
+  return absl::OkStatus();
+}
+
 constexpr int kConfigurations = 300;
 
 constexpr int kBoxSteps = 8;  // of points in a box
@@ -246,10 +255,7 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   RETURN_IF_ERROR(ReadViews(sources, problem));
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
   ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
-  ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources));
-  ASSIGN_OR_RETURN(const std::string guessed,
-                   NamePosesByFrames(problem.sightings, problem.robot_poses));
-  if (!guessed.empty()) problem.warnings.push_back(guessed);
+  RETURN_IF_ERROR(TakeRobotPoses(sources, problem));
   return problem;
 }
 
@@ -332,25 +338,23 @@ bool Fits(PoseProblem problem) {
 }
 
 // How else the numbers of the robot's poses may be meant; empty if that does not fit either.
-std::string HintOfNotation(const PoseSources& sources) {
-  const absl::StatusOr<PoseProblem> stated = ReadPoseProblem(sources);
-  if (!stated.ok() || stated->robot_poses.empty()) return "";
+std::string HintOfNotation(const PoseSources& sources, PoseProblem problem) {
+  if (problem.robot_poses.empty()) return "";
   // The last poses; many notations say the same.
-  std::vector<Eigen::Isometry3d> tried = {stated->robot_poses.back().base_from_flange};
+  std::vector<Eigen::Isometry3d> tried = {problem.robot_poses.back().base_from_flange};
   for (const std::string& name : PoseNotation::Names()) {
     for (const char* const units : {"m,rad", "mm,deg", "m,deg", "mm,rad", "m", "mm"}) {
       if (!PoseNotation::Named(name, units).ok()) continue;
       PoseSources other = sources;
       other.pose_notation = name;
       other.pose_units = units;
-      const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
-      if (!problem.ok() || problem->robot_poses.empty()) continue;
-      const Eigen::Isometry3d& last = problem->robot_poses.back().base_from_flange;
+      if (!TakeRobotPoses(other, problem).ok() || problem.robot_poses.empty()) continue;
+      const Eigen::Isometry3d& last = problem.robot_poses.back().base_from_flange;
       const bool known = std::ranges::any_of(
           tried, [&](const Eigen::Isometry3d& one) { return one.isApprox(last, 1e-9); });
       if (known) continue;
       tried.push_back(last);
-      if (!Fits(*problem)) continue;
+      if (!Fits(problem)) continue;
       return absl::StrCat("as --pose-notation ", name, " --pose-units ", units,
                           " the robot's poses fit");
     }
@@ -360,16 +364,16 @@ std::string HintOfNotation(const PoseSources& sources) {
 
 }  // namespace
 
-std::string HintOfUnit(const PoseSources& sources, const std::string& refusal) {
+std::string HintOfUnit(const PoseSources& sources, PoseProblem problem,
+                       const std::string& refusal) {
   if (!sources.robot_poses.empty()) {
-    return absl::StrContains(refusal, "it looks as if") ? "" : HintOfNotation(sources);
+    return absl::StrContains(refusal, "it looks as if") ? "" : HintOfNotation(sources, problem);
   }
   if (sources.joints.empty()) return "";
   const bool degrees = sources.joint_unit == AngleUnit::kDegrees;
   PoseSources other = sources;
   other.joint_unit = degrees ? AngleUnit::kRadians : AngleUnit::kDegrees;
-  const absl::StatusOr<PoseProblem> problem = ReadPoseProblem(other);
-  if (!problem.ok() || !CalibratePoses(*problem).ok()) return "";
+  if (!TakeRobotPoses(other, problem).ok() || !CalibratePoses(problem).ok()) return "";
   return degrees ? "with joint values in radians (without --degrees) they fit"
                  : "with joint values in degrees (--degrees) they fit";
 }

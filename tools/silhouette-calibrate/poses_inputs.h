@@ -44,9 +44,10 @@ absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem);
 
 void AddPoseSources(CLI::App& command, PoseSources& sources);
 
-// For data that give no calibration: a sentence, if joint values in the other unit would give one,
-// or, where the refusal guesses no reason, poses in another notation; else empty.
-std::string HintOfUnit(const PoseSources& sources, const std::string& refusal);
+// For a problem of these sources that gives no calibration: a sentence, if joint values in the
+// other unit would give one, or, where the refusal guesses no reason, poses in another notation;
+// else empty.
+std::string HintOfUnit(const PoseSources& sources, PoseProblem problem, const std::string& refusal);
 
 struct WorkspacePoints {
   std::vector<Eigen::Vector3d> points;  // in the base, metres; none: unknown

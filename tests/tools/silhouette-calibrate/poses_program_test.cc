@@ -291,5 +291,30 @@ TEST_F(CalibratePosesProgram, PosesAsRobotsWriteThemGiveTheSameCameras) {
   }
 }
 
+TEST_F(CalibratePosesProgram, PosesThatFitInAnotherNotationOrUnitAreRefusedWithItsName) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  rig.Drive(14);
+  WriteRig(rig);
+  std::string text;
+  for (const RobotPose& pose : rig.problem.robot_poses) {
+    const Eigen::AngleAxisd turn(pose.base_from_flange.linear());
+    const Eigen::Vector3d vector = turn.angle() * turn.axis();
+    const Eigen::Vector3d at = 1000 * pose.base_from_flange.translation();
+    absl::StrAppendFormat(&text, "%s %.12g %.12g %.12g %.12g %.12g %.12g\n", pose.frame, at.x(),
+                          at.y(), at.z(), vector.x(), vector.y(), vector.z());
+  }
+  Write("poses.txt", text);
+  const std::string all = absl::StrCat(kFiles, "--flange-board flange --robot-poses poses.txt ");
+  for (const char* const stated : {"--pose-notation rpy --pose-units mm,rad",
+                                   "--pose-notation rotation_vector --pose-units mm,deg"}) {
+    const Ended outcome = Run(absl::StrCat(all, stated, " --out cameras"));
+    EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("as --pose-notation rotation_vector --pose-units mm,rad"))
+        << stated;
+    EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  }
+}
+
 }  // namespace
 }  // namespace silhouette
