@@ -168,6 +168,37 @@ TEST_F(DetectProgram, MirroredOrForeignBoardsAreRefusedWithTheReason) {
   EXPECT_THAT(err_, HasSubstr("they show tags of tagStandard41h12"));
 }
 
+TEST_F(DetectProgram, AChessboardThatIsStatedTooSmallIsRefusedWithTheSizeThatIsSeen) {
+  const Board seen(
+      {.name = "hand", .kind = BoardKind::kChessboard, .rows = 6, .columns = 9, .square = 0.02});
+  for (int seed = 1; seed <= 6; ++seed) {
+    std::mt19937_64 random(seed);
+    const Eigen::Isometry3d pose = RandomPose(seen, 0.35, 0.3, random);
+    const RenderedBoard rendered(seen, Intrinsics(320, 240, 400, -0.2), pose, {}, random);
+    WriteImage("left/" + std::to_string(seed) + ".png", rendered.image());
+  }
+  for (const std::string size : {"8x5", "7x6"}) {
+    WriteFile(folder_ / "boards.yaml", "- {name: hand, chessboard: " + size + ", square: 0.02}\n");
+    EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2) << size;
+    EXPECT_THAT(err_, AllOf(HasSubstr("9x6"), HasSubstr("inner corners"), HasSubstr("--boards")));
+    EXPECT_FALSE(fs::exists(folder_ / "corners.csv"));
+  }
+}
+
+TEST_F(DetectProgram, ImagesOfSixteenBitsKeepTheLevelsOfTheBitsThatTheyUse) {
+  const cv::Mat eight = Rendered(1).image();
+  WriteImage("left/1.png", eight);
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
+  const std::string corners = ContentOf(folder_ / "corners.csv");
+  for (const int bits : {10, 12, 14, 16}) {
+    cv::Mat sixteen;
+    eight.convertTo(sixteen, CV_16U, ((1 << bits) - 1) / 255.0);
+    WriteImage("left/1.png", sixteen);
+    ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
+    EXPECT_EQ(ContentOf(folder_ / "corners.csv"), corners) << bits << " bits";
+  }
+}
+
 TEST_F(DetectProgram, MistakesAreOneSentence) {
   WriteImage("left/1.png", Rendered(1).image());
   EXPECT_EQ(Run("--boards boards.yaml"), 2);
