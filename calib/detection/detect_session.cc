@@ -36,34 +36,35 @@ std::string SizeText(const ImageTags& image) {
 }
 
 // What is weak in an image by itself.
-std::vector<std::string> WarningsOf(const ImageTags& image) {
-  std::vector<std::string> warnings;
+std::vector<ImageWarning> WarningsOf(const ImageTags& image) {
+  std::vector<ImageWarning> warnings;
   if (image.mirrored) {
     warnings.push_back(
-        "shows its tags mirrored; turn the camera's image over again, or print the board "
-        "unmirrored");
+        {"tags are mirrored (turn the camera's image over again, or print the board unmirrored)",
+         ""});
   } else if (image.tags.empty() && image.foreign.empty() && image.ambiguous.empty()) {
-    warnings.push_back("shows none of the boards");
+    warnings.push_back({"none of the boards is seen", ""});
   }
   if (!image.ambiguous.empty()) {
-    warnings.push_back(absl::StrCat("shows ", NamesOf(image.ambiguous),
-                                    " at several places; left out, were they printed twice?"));
+    warnings.push_back({"tags at several places are left out (were they printed twice?)",
+                        NamesOf(image.ambiguous)});
   }
   if (!image.foreign.empty()) {
-    warnings.push_back(absl::StrCat("shows tags of no board, left out: ", NamesOf(image.foreign)));
+    warnings.push_back({"tags of no board are left out", NamesOf(image.foreign)});
   }
   if (image.MedianBlur() > kMostImageBlur) {
-    warnings.push_back(
-        absl::StrFormat("is blurred, its edges by %.1f px: focus, hold still, or give more light",
-                        image.MedianBlur()));
+    warnings.push_back({"edges are blurred (focus, hold still, or give more light)",
+                        absl::StrFormat("by %.1f px", image.MedianBlur())});
   }
   if (!image.tags.empty() && image.MeanSize() < kLeastSize) {
-    warnings.push_back(absl::StrFormat(
-        "shows tags of %.0f px only: come nearer, or print them larger", image.MeanSize()));
+    warnings.push_back({absl::StrFormat("tags are smaller than %.0f px (come nearer, or print them "
+                                        "larger)",
+                                        kLeastSize),
+                        absl::StrFormat("%.0f px", image.MeanSize())});
   }
   if (image.at_rim > 0) {
-    warnings.push_back(
-        absl::StrCat("shows ", image.at_rim, " tag(s) at its very rim, with less exact corners"));
+    warnings.push_back({"tags at the image's very rim have less exact corners",
+                        absl::StrCat(image.at_rim, " tag(s)")});
   }
   return warnings;
 }
@@ -108,14 +109,14 @@ void DetectSession::Judge() {
     image.copy = !unique && !image.tags.tags.empty();
     image.warnings = WarningsOf(image.tags);
     if (image.copy) {
-      image.warnings.push_back(absl::StrCat("is the same picture as frame '",
-                                            images_[same->second].tags.frame, "'; left out"));
+      image.warnings.push_back({"the picture is the same as another and left out",
+                                absl::StrCat("as frame '", images_[same->second].tags.frame, "'")});
       continue;
     }
     for (size_t k = first_of_view_.at(image.tags.view); k < i; ++k) {
       if (images_[k].copy || !ShowTheSame(images_[k].tags, image.tags)) continue;
-      image.warnings.push_back(absl::StrCat("shows the same as frame '", images_[k].tags.frame,
-                                            "': nothing moved, so it adds no information"));
+      image.warnings.push_back({"nothing moved since another one, so it adds no information",
+                                absl::StrCat("as frame '", images_[k].tags.frame, "'")});
       break;
     }
   }

@@ -14,11 +14,16 @@
 
 namespace silhouette {
 
+struct ImageWarning {
+  std::string kind;    // a sentence that images share
+  std::string detail;  // what is special of this one; empty: nothing
+};
+
 struct SessionImage {
   ImageTags tags;
-  std::string source;                 // what messages call it: its file, or view and frame
-  bool copy = false;                  // of another image, to the last pixel; it is left out
-  std::vector<std::string> warnings;  // filled by Judge
+  std::string source;                  // what messages call it: its file, or view and frame
+  bool copy = false;                   // of another image, to the last pixel; it is left out
+  std::vector<ImageWarning> warnings;  // filled by Judge
 };
 
 class DetectSession {

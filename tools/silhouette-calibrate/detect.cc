@@ -49,6 +49,10 @@ nlohmann::ordered_json JsonOf(const SessionImage& image) {
     for (const DetectedTag& tag : tags) list.push_back({{"family", tag.family}, {"tag", tag.tag}});
     return list;
   };
+  nlohmann::ordered_json warnings = nlohmann::ordered_json::array();
+  for (const auto& [kind, detail] : image.warnings) {
+    warnings.push_back(kind + (detail.empty() ? "" : ": " + detail));
+  }
   return {{"view", image.tags.view},
           {"frame", image.tags.frame},
           {"image", image.source},
@@ -64,7 +68,26 @@ nlohmann::ordered_json JsonOf(const SessionImage& image) {
           {"ambiguous", names(image.tags.ambiguous)},
           {"mirrored", image.tags.mirrored},
           {"left_out", image.copy},
-          {"warnings", image.warnings}};
+          {"warnings", warnings}};
+}
+
+// A line for each kind of warning, with some of the images.
+std::string WarningsText(const DetectSession& session) {
+  constexpr size_t kNamed = 5;
+  std::map<std::string, std::vector<std::string>> images;  // by the kind
+  for (const SessionImage& image : session.images()) {
+    for (const auto& [kind, detail] : image.warnings) {
+      images[kind].push_back(image.source + (detail.empty() ? "" : " (" + detail + ")"));
+    }
+  }
+  std::string text;
+  for (auto& [kind, names] : images) {
+    const size_t count = names.size();
+    if (count > kNamed) names.resize(kNamed);
+    absl::StrAppend(&text, "warning: in ", count, " of ", session.images().size(), " images ", kind,
+                    ": ", absl::StrJoin(names, ", "), count > kNamed ? ", ..." : "", "\n");
+  }
+  return text;
 }
 
 // The mend, if the pattern is of a ROS bag; else empty.
@@ -234,19 +257,16 @@ std::string DetectionText(const DetectSession& session, const std::string& out) 
                           none ? "" : absl::StrFormat("%.3f", tags.TypicalSigma()),
                           image.copy ? "left out" : ""});
   }
-  std::string text = TextOf(table);
-  for (const SessionImage& image : session.images()) {
-    for (const std::string& warning : image.warnings) {
-      absl::StrAppend(&text, "warning: ", image.source, " ", warning, "\n");
-    }
-  }
+  std::string text = TextOf(table) + WarningsText(session);
+  std::vector<std::string> little;
   for (const auto& [view, coverage] : session.coverage()) {
-    if (coverage.Share() >= kLittleCoverage) continue;
-    absl::StrAppendFormat(
-        &text,
-        "warning: corners in %.0f %% of view '%s' only; for its lens, show boards in all of the "
-        "image, corners of the image above all\n",
-        100 * coverage.Share(), view);
+    if (coverage.Share() < kLittleCoverage) little.push_back("'" + view + "'");
+  }
+  if (!little.empty()) {
+    absl::StrAppendFormat(&text,
+                          "warning: corners in less than %.0f %% of %s; for lenses, show boards in "
+                          "all of the image, corners of the image above all\n",
+                          100 * kLittleCoverage, absl::StrJoin(little, ", "));
   }
   return absl::StrCat(text, CoverageLine(session), "\nwrote ", out, ": ",
                       session.Sightings().size(), " tags of ", session.images().size(),

@@ -92,12 +92,23 @@ TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
   WriteImage("left/3.png", Rendered(1, {.noise = 3}).image());
   WriteImage("left/4.png", Rendered(4, {.blur = 2}).image());
   ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
-  EXPECT_THAT(out_, AllOf(HasSubstr("left/2.png is the same picture as frame '1'; left out"),
-                          HasSubstr("left/3.png shows the same as frame '1'"),
-                          HasSubstr("left/4.png is blurred")));
+  EXPECT_THAT(out_, AllOf(HasSubstr("same as another and left out: left/2.png (as frame '1')\n"),
+                          HasSubstr("adds no information: left/3.png (as frame '1')\n"),
+                          HasSubstr("in 1 of 4 images edges are blurred"),
+                          HasSubstr("light): left/4.png (by ")));
   const auto sightings = SightingsFromText(ContentOf(folder_ / "corners.csv"), "corners.csv");
   ASSERT_TRUE(sightings.ok()) << sightings.status();
   EXPECT_EQ(sightings->size(), 6u);
+}
+
+TEST_F(DetectProgram, AWarningThatManyImagesShareIsOneLine) {
+  WriteImage("left/0.png", Rendered(1).image());
+  for (int image = 1; image <= 8; ++image) {
+    WriteImage("left/" + std::to_string(image) + ".png", cv::Mat(180, 240, CV_8U, cv::Scalar(90)));
+  }
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
+  EXPECT_THAT(out_, HasSubstr("warning: in 8 of 9 images none of the boards is seen: left/1.png, "
+                              "left/2.png, left/3.png, left/4.png, left/5.png, ...\n"));
 }
 
 TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
