@@ -219,9 +219,11 @@ std::string YamlOfXml(const std::string& xml) {
   return yaml;
 }
 
-std::optional<YamlNode> AnyOf(YamlMap& map, const std::vector<std::string>& keys) {
+// `number`: what each key ends with, of a camera of a stereo pair.
+std::optional<YamlNode> AnyOf(YamlMap& map, const std::vector<std::string>& keys,
+                              const std::string& number = "") {
   for (const std::string& key : keys) {
-    if (auto node = map.Optional(key)) return node;
+    if (auto node = map.Optional(key + number)) return node;
   }
   return std::nullopt;
 }
@@ -314,8 +316,14 @@ void SetSize(const YamlNode& place, std::optional<std::array<int, 2>> stated,
   intrinsics.height = size[1];
 }
 
-// OpenCV and ROS: nearly the same keys.
-ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
+std::optional<YamlNode> CameraMatrixIn(YamlMap& map, const std::string& number = "") {
+  return AnyOf(map,
+               {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k", "M"},
+               number);
+}
+
+// OpenCV and ROS: nearly the same keys. `number` as of AnyOf.
+ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix, const std::string& number,
                          const ForeignCameraOptions& options) {
   CameraIntrinsics intrinsics;
   std::string format = "OpenCV";
@@ -334,9 +342,11 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix,
     const auto value = fisheye->As<std::string>();
     equidistant = equidistant || (value != "0" && value != "false");
   }
-  const auto distortion = AnyOf(map, {"distortion_coefficients", "Distortion_Coefficients",
-                                      "distCoeffs", "dist_coeffs", "dist_coeff", "D", "d"});
-  if (!distortion) map.Required("distortion_coefficients");
+  const auto distortion = AnyOf(map,
+                                {"distortion_coefficients", "Distortion_Coefficients", "distCoeffs",
+                                 "dist_coeffs", "dist_coeff", "D", "d"},
+                                number);
+  if (!distortion) map.Required("distortion_coefficients" + number);
   std::optional<std::array<int, 2>> size;
   const auto width = AnyOf(map, {"image_width", "image_Width", "width"});
   const auto height = AnyOf(map, {"image_height", "image_Height", "height"});
@@ -380,10 +390,7 @@ ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& optio
 
 ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options) {
   YamlMap map(root);
-  if (const auto matrix = AnyOf(
-          map, {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k"})) {
-    return FromMatrix(map, *matrix, options);
-  }
+  if (const auto matrix = CameraMatrixIn(map)) return FromMatrix(map, *matrix, "", options);
   if (map.Optional("camera_model")) return FromKalibr(root, options);
   std::vector<std::string> cameras;
   for (const std::string& key : map.Keys()) {
@@ -391,6 +398,9 @@ ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options
     if (!node.IsMap()) continue;
     YamlMap inner(node);
     if (inner.Optional("camera_model")) cameras.push_back(key);
+  }
+  for (const char* const number : {"1", "2"}) {
+    if (CameraMatrixIn(map, number)) cameras.emplace_back(number);
   }
   if (cameras.empty()) {
     root.Fail(
@@ -402,7 +412,10 @@ ForeignCamera FromYaml(const YamlNode& root, const ForeignCameraOptions& options
   if (std::ranges::find(cameras, chosen) == cameras.end()) {
     root.Fail(absl::StrCat(chosen.empty() ? "say which camera is meant"
                                           : absl::StrCat("there is no camera '", chosen, "'"),
-                           "; there are ", ListOfWords(cameras)));
+                           "; there are ", ListOfWords(cameras), " (--camera)"));
+  }
+  if (const auto matrix = CameraMatrixIn(map, chosen)) {
+    return FromMatrix(map, *matrix, chosen, options);
   }
   return FromKalibr(map.Required(chosen), options);
 }

@@ -48,7 +48,8 @@ absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string&
 //
 //   mrcal     .cameramodel, as above; the only one whose pose is kept
 //   OpenCV    YAML or XML of cv::FileStorage: camera_matrix, distortion_coefficients, image_width,
-//             image_height; fisheye_model too
+//             image_height; fisheye_model too; a stereo pair's K1 and D1, or M1 and D1 (cameras "1"
+//             and "2"); or the matrix's nine numbers and the coefficients, without keys
 //   ROS       camera_info as YAML: distortion_model plumb_bob, rational_polynomial or equidistant;
 //             K and D too
 //   Kalibr    camchain: cam0, cam1, ...: camera_model pinhole, distortion_model radtan, equidistant
@@ -65,7 +66,7 @@ struct ForeignCamera {
 struct ForeignCameraOptions {
   // For files that do not say it. Must agree with those that do.
   std::optional<std::array<int, 2>> image_size = std::nullopt;
-  std::string camera = {};  // which of a file's several cameras, e.g. "cam1"
+  std::string camera = {};  // which of a file's several cameras: "cam1", "2"
 };
 
 // `file`: what messages call it. InvalidArgument with file and line: none of these formats, a lens

@@ -2,6 +2,7 @@
 // silhouette-calibrate intrinsics
 #include <algorithm>
 #include <filesystem>
+#include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -95,6 +96,12 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
   ASSIGN_OR_RETURN(const ForeignCamera read, ReadCamera(arguments.from, size, arguments.camera));
   ASSIGN_OR_RETURN(const std::string file, WriteCameraFile(arguments.out, view, read.camera));
   const CameraIntrinsics& k = read.camera.intrinsics();
+  if (read.format != "mrcal" &&
+      std::ranges::all_of(k.distortion, [](double c) { return c == 0; })) {
+    std::cerr << "silhouette-calibrate: warning: '" << arguments.from
+              << "' has no distortion; if the lens has some, give its coefficients too"
+              << std::endl;
+  }
   PrintResult(
       arguments.format,
       {{"from", read.format},
@@ -286,9 +293,11 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--from", a->from,
                    "Read a camera instead: a .cameramodel, OpenCV's YAML or XML, ROS's or Kalibr's "
-                   "YAML, or the numbers fx,fy,cx,cy and distortion coefficients as OpenCV's")
+                   "YAML, or a 3 x 3 matrix or fx,fy,cx,cy, and after it OpenCV's coefficients "
+                   "k1,k2,p1,p2[,k3[,k4,k5,k6]]")
       ->excludes(fixed);
-  command->add_option("--camera", a->camera, "Which camera of a Kalibr file, e.g. cam0");
+  command->add_option("--camera", a->camera,
+                      "Which camera of the file: cam0 of Kalibr's, 1 or 2 of OpenCV's stereo");
   AddFormatOption(*command, a->format);
   command->footer(
       "Examples:\n"

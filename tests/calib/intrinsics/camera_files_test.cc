@@ -214,6 +214,30 @@ TEST(ForeignCameraFile, OfEurocAndOlderOpenCvAreRead) {
   EXPECT_EQ(older->camera.intrinsics().fy, 536);
 }
 
+TEST(ForeignCameraFile, EachCameraOfAStereoPairIsRead) {
+  const ForeignCameraOptions first = {.image_size = {{640, 480}}, .camera = "1"};
+  const ForeignCameraOptions second = {.image_size = {{640, 480}}, .camera = "2"};
+  const std::string matrices =
+      "{rows: 3, cols: 3, dt: d, data: [535, 0, 320, 0, 536, 240, 0, 0, 1]}\n"
+      "D1: !!opencv-matrix {rows: 1, cols: 5, dt: d, data: [-0.2, 0.1, 0, 0, 0]}\n"
+      "D2: !!opencv-matrix {rows: 1, cols: 5, dt: d, data: [-0.3, 0.1, 0, 0, 0]}\n"
+      "R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nT: [-0.1, 0, 0]\n";
+  for (const std::string key : {"M", "K"}) {
+    const std::string text = "%YAML:1.0\n---\n" + key + "2: [635, 0, 320, 0, 636, 240, 0, 0, 1]\n" +
+                             key + "1: !!opencv-matrix " + matrices;
+    const auto left = CameraFromForeignText(text, "intrinsics.yml", first);
+    ASSERT_TRUE(left.ok()) << left.status();
+    EXPECT_EQ(left->camera.intrinsics().fy, 536);
+    EXPECT_EQ(left->camera.intrinsics().distortion[0], -0.2);
+    const auto right = CameraFromForeignText(text, "intrinsics.yml", second);
+    ASSERT_TRUE(right.ok()) << right.status();
+    EXPECT_EQ(right->camera.intrinsics().fy, 636);
+    EXPECT_EQ(right->camera.intrinsics().distortion[0], -0.3);
+    EXPECT_THAT(std::string(CameraFromForeignText(text, "intrinsics.yml").status().message()),
+                HasSubstr("say which camera is meant; there are '1' and '2' (--camera)"));
+  }
+}
+
 TEST(ForeignCameraFile, AMatrixOfBareNumbersIsRead) {
   const ForeignCameraOptions size = {.image_size = {{640, 480}}};
   const auto bare = CameraFromForeignText("535 0 320\n0 536 240\n0 0 1\n", "K.txt", size);

@@ -155,7 +155,9 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
 
   const std::string numbers = "--from 615.5,615.25,319.5,239.5 --view top --out " + in;
   EXPECT_THAT(Calibrate(numbers).out, HasSubstr("does not say the images' size"));
-  ASSERT_EQ(Calibrate(numbers + " --image-size 640x480").exit_code, 0);
+  const Ended undistorted = Calibrate(numbers + " --image-size 640x480");
+  ASSERT_EQ(undistorted.exit_code, 0) << undistorted.out;
+  EXPECT_THAT(undistorted.out, HasSubstr("has no distortion; if the lens has some"));
   const auto bare = CameraFromText(ContentOf(folder_ / "top.cameramodel"), "top");
   ASSERT_TRUE(bare.ok()) << bare.status();
   EXPECT_EQ(bare->intrinsics().fy, 615.25);
