@@ -13,15 +13,16 @@ namespace silhouette {
 // How numbers state a pose: which they are, in which units, and how they make a rotation. All are
 // poses base_from_flange, position first.
 //
-//   quaternion       tx ty tz qx qy qz qw          m
-//   tum              the same without a line of names, after the frame or its time stamp
-//   rotation_vector  x y z rx ry rz                units are to be stated
-//   rpy              x y z roll pitch yaw          units are to be stated; Rz(yaw) Ry(pitch)
-//   Rx(roll) matrix           m00 m01 ... m23 (m30 ... m33) row by row; unit is to be stated kuka
-//   x y z a b c                   mm, deg; Rz(a) Ry(b) Rx(c) abb              x y z q1 q2 q3 q4 mm;
-//   q1 is the real part ur               x y z rx ry rz                m, rad; rotation vector
-//   staubli          x y z rx ry rz                mm, deg; Rx(rx) Ry(ry) Rz(rz)
-//   fanuc            x y z w p r                   mm, deg; Rz(r) Ry(p) Rx(w)
+//   quaternion       tx ty tz qx qy qz qw    m
+//   tum              as quaternion           without a line of names, after the frame or its time
+//   rotation_vector  x y z rx ry rz          units are to be stated
+//   rpy              x y z roll pitch yaw    units are to be stated; Rz(yaw) Ry(pitch) Rx(roll)
+//   matrix           m00 m01 ... m23         unit is to be stated; row by row, maybe m30 ... m33
+//   kuka             x y z a b c             mm, deg; Rz(a) Ry(b) Rx(c)
+//   abb              x y z q1 q2 q3 q4       mm; q1 is the real part
+//   ur               x y z rx ry rz          m, rad; rotation vector
+//   staubli          x y z rx ry rz          mm, deg; Rx(rx) Ry(ry) Rz(rz)
+//   fanuc            x y z w p r             mm, deg; Rz(r) Ry(p) Rx(w)
 class PoseNotation {
  public:
   PoseNotation() = default;  // quaternion
