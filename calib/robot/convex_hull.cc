@@ -100,6 +100,12 @@ double ConvexBody::Depth(const Vector3d& point) const {
   return depth;
 }
 
+bool ConvexBody::Contains(const Vector3d& point, double slack) const {
+  return std::ranges::all_of(planes, [&](const Plane& plane) {
+    return plane.normal.dot(point) + plane.offset <= slack;
+  });
+}
+
 std::optional<ConvexBody> HullOf(std::span<const Vector3d> points) {
   if (IsFlat(points)) return std::nullopt;
   std::vector<double> coordinates;

@@ -26,6 +26,8 @@ struct ConvexBody {
 
   // How deep inside a point is: the distance from the nearest face's plane; negative outside.
   double Depth(const Eigen::Vector3d& point) const;
+  // Whether a point is inside, or outside by less than `slack`.
+  bool Contains(const Eigen::Vector3d& point, double slack) const;
 };
 
 // Nothing if the points are in a plane, on a line or one, to a micrometre. All are finite.

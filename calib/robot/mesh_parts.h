@@ -13,13 +13,13 @@ struct MeshPieces {
   // Every triangle of the mesh is in the union of the hulls.
   std::vector<ConvexBody> hulls;
   // Metres: every straight line that meets a hull passes the mesh, its holes closed, at no more
-  // than this distance. An upper bound, above the true value by at most a quarter of the aim, or 5
-  // %.
+  // than this distance. An upper bound: where it is above the aim, it is above the true value by at
+  // most a quarter of the aim, or 5 %.
   double excess = 0;
 };
 
 // Cuts a mesh by planes until its hulls add no more than `most_excess` or there are `most_parts` of
-// them; of all that was tried, what adds least. The mesh is not flat.
+// them; of all that was tried, what adds least. No hulls: the mesh is flat.
 MeshPieces PiecesOf(const TriangleMesh& mesh, double most_excess, size_t most_parts);
 
 // The hull of `points`, grown by `radius`, holds a body.

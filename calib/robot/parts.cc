@@ -98,6 +98,10 @@ class ShapeDrawer {
     const TriangleMesh& mesh = *shape.mesh;
     RETURN_IF_ERROR(Check(shape));
     const MeshPieces pieces = PiecesOf(mesh, settings_.most_excess, settings_.most_parts);
+    if (pieces.hulls.empty()) {
+      return InvalidArgument(NameOf(shape),
+                             " is flat; give it a thickness, or take it out of the URDF");
+    }
     DrawnShape drawn;
     const bool closed = IsClosed(mesh);
     for (const ConvexBody& hull : pieces.hulls) {
@@ -115,9 +119,13 @@ class ShapeDrawer {
   }
 
  private:
+  std::string NameOf(const MeshShape& shape) const {
+    return absl::StrFormat("link '%s': the mesh '%s'", link_, shape.path);
+  }
+
   absl::Status Check(const MeshShape& shape) const {
     const TriangleMesh& mesh = *shape.mesh;
-    const std::string name = absl::StrFormat("link '%s': the mesh '%s'", link_, shape.path);
+    const std::string name = NameOf(shape);
     if (mesh.triangles.size() > settings_.most_triangles) {
       return InvalidArgument(absl::StrFormat(
           "%s has %d triangles, at most %d can be drawn; simplify it, or use 'geometry: collision'",
@@ -130,9 +138,6 @@ class ShapeDrawer {
           absl::StrFormat("%s is %.4g m long, more than %.4g m; if it is in millimetres, give it "
                           "scale=\"0.001 0.001 0.001\" in the URDF",
                           name, size, settings_.most_size));
-    }
-    if (!HullOf(mesh.vertices)) {
-      return InvalidArgument(name, " is flat; give it a thickness, or take it out of the URDF");
     }
     return absl::OkStatus();
   }
