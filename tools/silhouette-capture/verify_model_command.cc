@@ -199,16 +199,21 @@ std::string Percents(uint64_t part, uint64_t whole) {
   return absl::StrFormat("%.2f", 100 * Share(part, whole));
 }
 
-// The command that compares as many configurations as are enough.
-std::string LargerSample(const VerifyModelOptions& options, const ModelComparison& found) {
+// How as many configurations as are enough are compared, where `configurations` were.
+std::string LargerSample(const VerifyModelOptions& options, const ModelComparison& found,
+                         size_t configurations) {
+  std::string what = "a larger sample: ";
   std::string command = options.cell.Command("verify-model");
-  if (!options.captured.empty()) {
+  if (!options.captured.empty() && configurations < options.sample) {
+    what = absl::StrCat("a larger sample than all of '", options.captured,
+                        "': capture more there, or drive the robot: ");
+  } else if (!options.captured.empty()) {
     absl::StrAppend(&command, " --captured ", ForShell(options.captured));
   }
   for (const auto& [link, other] : options.not_checked) {
     absl::StrAppend(&command, " --not-checked ", ForShell(link), " ", ForShell(other));
   }
-  return absl::StrCat(command, " --sample ", found.enough);
+  return absl::StrCat(what, command, " --sample ", found.enough);
 }
 
 std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell& model,
@@ -236,8 +241,8 @@ std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell&
   if (found.further > 0) {
     further = absl::StrFormat(
         "of it              %.1f cm in each link that grows, because %d configurations are few; "
-        "less with: %s\n",
-        100 * found.further, configurations, LargerSample(options, found));
+        "less with %s\n",
+        100 * found.further, configurations, LargerSample(options, found, configurations));
   }
   return absl::StrCat(
       absl::StrFormat("compared           %d configurations, %d views\n", configurations,
@@ -318,7 +323,8 @@ absl::Status WriteWorst(const ModelOfCell& model, const ModelComparison& found,
 
 // Says why.
 absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const CellFile& file,
-                                     Database& database, const ModelComparison& found) {
+                                     Database& database, const ModelComparison& found,
+                                     size_t configurations) {
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   const auto before = snapshot.Verification();
   if (!before.ok() || *before) {
@@ -327,7 +333,7 @@ absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const Ce
   }
   for (const std::string& fault : found.faults) std::cerr << "not verified: " << fault << "\n";
   if (found.enough > 0) {
-    std::cerr << "a larger sample: " << LargerSample(options, found) << "\n";
+    std::cerr << LargerSample(options, found, configurations) << "\n";
   }
   const bool unreached =
       std::ranges::any_of(found.views, [](const ComparedView& view) { return view.unreached > 0; });
@@ -370,7 +376,9 @@ absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
       options.cell.format, json,
       absl::StrCat(ComparisonText(options, model, found, samples.size()), "worst masks        ",
                    picture, "\n", found.faults.empty() ? "the model is verified\n" : ""));
-  if (!found.faults.empty()) return RefuseModel(options, file, *model.database, found);
+  if (!found.faults.empty()) {
+    return RefuseModel(options, file, *model.database, found, samples.size());
+  }
   RETURN_IF_ERROR(model.database->SetVerification(
       VerificationOf(model, found, samples.size(), settings), kVerifyModelProgram));
   return kDone;

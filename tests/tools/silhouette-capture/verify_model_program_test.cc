@@ -102,6 +102,17 @@ TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWron
   EXPECT_THAT(outcome.err, HasSubstr("not verified: "));
   EXPECT_THAT(outcome.err, HasSubstr("the verification that the database had is removed"));
   EXPECT_FALSE(IsVerified());
+
+  // More configurations than were captured are needed: no command takes them from there.
+  std::string strict =
+      ReadText(cell_ / "drawn.yaml") + "verification: {least_configurations: 10000}\n";
+  WriteText(cell_ / "strict.yaml", strict);
+  outcome = Run("verify-model", "strict.yaml", "drawn.lmdb",
+                {"--captured", cell_ / "captured.lmdb", "--sample", "9000"});
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("a larger sample than all of '" + (cell_ / "captured.lmdb")));
+  EXPECT_THAT(outcome.err, HasSubstr("capture more there, or drive the robot: silhouette-capture"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("--captured")));
 }
 
 TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
