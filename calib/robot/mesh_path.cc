@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/mesh_path.h"
 
+#include <tinyxml.h>
+
 #include <cctype>
 #include <filesystem>
 #include <string_view>
 #include <vector>
 
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -39,6 +42,16 @@ std::vector<fs::path> Roots(const fs::path& urdf, std::span<const std::string> p
   return roots;
 }
 
+// Whether a folder is that package: it is called so, or its package.xml says it.
+bool IsPackage(const fs::path& folder, const std::string& package) {
+  if (folder.filename() == package) return true;
+  TiXmlDocument manifest;
+  if (!manifest.LoadFile((folder / "package.xml").string())) return false;
+  const TiXmlElement* const root = manifest.RootElement();
+  const TiXmlElement* const name = root == nullptr ? nullptr : root->FirstChildElement("name");
+  return name != nullptr && name->GetText() != nullptr && name->GetText() == package;
+}
+
 absl::StatusOr<std::string> InPackage(const std::string& name, const std::string& rest,
                                       const fs::path& urdf,
                                       std::span<const std::string> package_paths) {
@@ -48,7 +61,7 @@ absl::StatusOr<std::string> InPackage(const std::string& name, const std::string
   fs::path found;  // a package of this name, without the file
   for (const fs::path& root : Roots(urdf, package_paths)) {
     const fs::path own = root.has_filename() ? root : root.parent_path();
-    for (const fs::path& at : {root / package, own.filename() == package ? own : fs::path()}) {
+    for (const fs::path& at : {root / package, IsPackage(own, package) ? own : fs::path()}) {
       if (at.empty() || !fs::is_directory(at)) continue;
       if (fs::exists(at / inside)) return (at / inside).string();
       if (found.empty()) found = at;
@@ -66,14 +79,18 @@ absl::StatusOr<std::string> InPackage(const std::string& name, const std::string
 
 }  // namespace
 
-absl::StatusOr<std::string> MeshPath(const std::string& name, const std::string& urdf,
+absl::StatusOr<std::string> MeshPath(const std::string& as_written, const std::string& urdf,
                                      std::span<const std::string> package_paths) {
+  const std::string name = absl::StrReplaceAll(as_written, {{"\\", "/"}});
+  const fs::path folder = fs::path(urdf).parent_path();
   const size_t scheme_end = name.find("://");
-  if (scheme_end == std::string::npos) return (fs::path(urdf).parent_path() / name).string();
+  if (scheme_end == std::string::npos) return (folder / name).string();
   const std::string scheme = name.substr(0, scheme_end);
   const std::string rest = Unescaped(std::string_view(name).substr(scheme_end + 3));
   if (scheme == "package" || scheme == "model") return InPackage(name, rest, urdf, package_paths);
-  if (scheme == "file") return rest.starts_with("localhost/") ? rest.substr(9) : rest;
+  if (scheme == "file") {
+    return (folder / (rest.starts_with("localhost/") ? rest.substr(9) : rest)).string();
+  }
   return InvalidArgument("the mesh '", name,
                          "' cannot be fetched; copy it here, and name it by its path, by file:// "
                          "or by package://");

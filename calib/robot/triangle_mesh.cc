@@ -118,7 +118,7 @@ bool IsLfsPointer(const std::string& path) {
 
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vector3d& scale) {
   if (!std::filesystem::is_regular_file(path)) {
-    return NotFound("the mesh '" + path + "' does not exist");
+    return NotFound("the mesh '" + path + "' does not exist; correct its name in the URDF");
   }
   if (IsLfsPointer(path)) {
     return InvalidArgument("the mesh '" + path + "' is a pointer to the mesh: git lfs pull");

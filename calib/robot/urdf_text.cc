@@ -7,10 +7,12 @@
 #include <urdf_model/pose.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <cmath>
 #include <exception>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
+#include <numbers>
 #include <sstream>
 #include <string_view>
 
@@ -176,6 +178,26 @@ absl::Status CompleteLimits(const std::string& path, TiXmlElement& robot) {
   return absl::OkStatus();
 }
 
+// Refuses what can only be degrees: a rotation of more than two turns.
+absl::Status CheckRotations(const std::string& path, const TiXmlElement& element) {
+  if (element.ValueStr() == "gazebo") return absl::OkStatus();  // the simulator's own
+  constexpr double kMost = 4 * std::numbers::pi;
+  if (const char* const rpy = element.Attribute("rpy")) {
+    std::istringstream numbers(rpy);
+    for (double angle = 0; numbers >> angle;) {
+      if (std::abs(angle) <= kMost) continue;
+      return InvalidArgument(path, ":", element.Row(), ": rpy=\"", rpy,
+                             "\" turns by more than two turns; rotations in URDF are radians: 90 "
+                             "degrees are 1.5708");
+    }
+  }
+  for (const TiXmlElement* child = element.FirstChildElement(); child != nullptr;
+       child = child->NextSiblingElement()) {
+    RETURN_IF_ERROR(CheckRotations(path, *child));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path) {
@@ -202,6 +224,7 @@ absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path)
       RETURN_IF_ERROR(CompleteBodies(path, *link));
     }
     RETURN_IF_ERROR(CompleteLimits(path, *robot));
+    RETURN_IF_ERROR(CheckRotations(path, *robot));
   }
   TiXmlPrinter printer;
   printer.SetStreamPrinting();

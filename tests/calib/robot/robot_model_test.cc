@@ -142,7 +142,9 @@ TEST(RobotModel, MeshesAreFoundByAllNamesThatUrdfsHaveForThem) {
   const std::string absolute = (folder / "meshes" / "a link.stl").string();
   for (const std::string& name :
        {std::string("../meshes/a link.stl"), absolute, "file://" + absolute,
-        "file://localhost" + absolute, "file://" + absl::StrReplaceAll(absolute, {{" ", "%20"}}),
+        "file://localhost" + absolute, std::string("file://../meshes/a link.stl"),
+        std::string("..\\meshes\\a link.stl"),
+        "file://" + absl::StrReplaceAll(absolute, {{" ", "%20"}}),
         // Of packages, the folders above the URDF are known.
         std::string("package://my arm/meshes/a link.stl"),
         std::string("package://my%20arm/meshes/a%20link.stl"),
@@ -152,6 +154,20 @@ TEST(RobotModel, MeshesAreFoundByAllNamesThatUrdfsHaveForThem) {
   EXPECT_THAT(message("package://my arm/meshes/b.stl"),
               AllOf(HasSubstr("my arm' has no 'meshes/b.stl'; correct the name")));
   EXPECT_THAT(message("https://example.org/a.stl"), HasSubstr("cannot be fetched; copy it here"));
+}
+
+TEST(RobotModel, PackageIsFoundByTheNameInItsManifest) {
+  const auto folder = FreshFolder() / "Arm_ROS2_Description";
+  WriteFile(folder / "package.xml",
+            "<?xml version='1.0'?><package format='3'><name>arm_description</name></package>");
+  WriteFile(folder / "meshes/link.stl", TetrahedronStl());
+  const std::string urdf =
+      WriteFile(folder / "urdf/arm.urdf", WithMesh("package://arm_description/meshes/link.stl"));
+  const auto robot = RobotModel::FromUrdf(urdf);
+  EXPECT_TRUE(robot.ok()) << robot.status();
+  WriteFile(folder / "package.xml", "<package>");
+  EXPECT_THAT(std::string(RobotModel::FromUrdf(urdf).status().message()),
+              HasSubstr("the folder that holds the package 'arm_description'"));
 }
 
 TEST(RobotModel, MeshThatIsScaledTwiceIsNamed) {
@@ -185,6 +201,21 @@ TEST(RobotModel, LimitsNeedARangeAndNothingElse) {
                     "<joint name='k' type='prismatic'><parent link='a'/><child link='c'/>"
                     "<limit lower='0' upper='1'/></joint></robot>"),
             "no error");
+}
+
+TEST(RobotModel, RotationsInDegreesAreNamed) {
+  const auto joint = [](const std::string& rpy) {
+    return OneJoint(
+        "<joint name='j' type='fixed'><parent link='a'/><child link='b'/><origin rpy='" + rpy +
+        "'/></joint>");
+  };
+  EXPECT_EQ(ErrorOf(joint("0 -6.2832 0")), "no error");
+  EXPECT_THAT(
+      ErrorOf(joint("0 90 0")),
+      HasSubstr("rpy=\"0 90 0\" turns by more than two turns; rotations in URDF are radians"));
+  EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'><visual><origin rpy='0 0 -45'/><geometry>"
+                      "<sphere radius='1'/></geometry></visual></link></robot>"),
+              HasSubstr("bad.urdf:2: rpy=\"0 0 -45\""));
 }
 
 TEST(RobotModel, BrokenMeshIsNamed) {
