@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <map>
 #include <numbers>
 #include <optional>
 #include <utility>
@@ -184,15 +185,24 @@ void MoveWithLinkBefore(const RobotModel& robot, const LinkGeometry& geometry,
 }  // namespace
 
 absl::StatusOr<RobotParts> RobotParts::Of(const RobotModel& robot, const PartSettings& settings) {
-  // Meshes take long, and each by itself.
-  std::vector<std::vector<std::future<absl::StatusOr<DrawnShape>>>> shapes;
+  // Meshes take long: each by itself, and once for all links that have it.
+  using Drawing = std::shared_future<absl::StatusOr<DrawnShape>>;
+  std::map<const TriangleMesh*, Drawing> meshes;
+  std::vector<std::vector<Drawing>> shapes;
   for (const RobotLink& link : robot.links()) {
     auto& of_link = shapes.emplace_back();
     for (const LinkGeometry& geometry : link.body(settings.geometry)) {
-      const bool long_work = std::holds_alternative<MeshShape>(geometry.shape);
-      of_link.push_back(std::async(long_work ? std::launch::async : std::launch::deferred, [&] {
+      const auto draw = [&] {
         return std::visit(ShapeDrawer(settings, link.name), geometry.shape);
-      }));
+      };
+      const auto* const mesh = std::get_if<MeshShape>(&geometry.shape);
+      if (mesh == nullptr) {
+        of_link.push_back(std::async(std::launch::deferred, draw).share());
+        continue;
+      }
+      Drawing& drawing = meshes[mesh->mesh.get()];
+      if (!drawing.valid()) drawing = std::async(std::launch::async, draw).share();
+      of_link.push_back(drawing);
     }
   }
   RobotParts result;

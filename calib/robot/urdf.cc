@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numbers>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -255,7 +257,7 @@ class UrdfReader {
   }
 
   template <typename VisualOrCollision>
-  LinkGeometry Geometry(const std::string& link, const VisualOrCollision& urdf) const {
+  LinkGeometry Geometry(const std::string& link, const VisualOrCollision& urdf) {
     if (urdf.geometry == nullptr) Fail("link '" + link + "' has an element without geometry");
     LinkGeometry geometry;
     geometry.link_from_shape = PoseOf(urdf.origin);
@@ -265,7 +267,7 @@ class UrdfReader {
     return geometry;
   }
 
-  Shape ShapeOf(const std::string& link, const urdf::Geometry& urdf) const {
+  Shape ShapeOf(const std::string& link, const urdf::Geometry& urdf) {
     switch (urdf.type) {
       case urdf::Geometry::BOX:
         return Checked(link, BoxShape{VectorOf(static_cast<const urdf::Box&>(urdf).dim)});
@@ -299,7 +301,8 @@ class UrdfReader {
     return sphere;
   }
 
-  MeshShape MeshOf(const std::string& link, const urdf::Mesh& urdf) const {
+  // Links that have the same mesh share it.
+  MeshShape MeshOf(const std::string& link, const urdf::Mesh& urdf) {
     const auto of_link = [&](const absl::Status& status) {
       return UrdfError{absl::Status(
           status.code(), absl::StrCat(path_, ": link '", link, "': ", status.message()))};
@@ -307,6 +310,9 @@ class UrdfReader {
     const absl::StatusOr<std::string> found = MeshPath(urdf.filename, path_, package_paths_);
     if (!found.ok()) throw of_link(found.status());
     const std::string& path = *found;
+    std::shared_ptr<const TriangleMesh>& shared =
+        meshes_[{path, urdf.scale.x, urdf.scale.y, urdf.scale.z}];
+    if (shared != nullptr) return MeshShape{path, shared};
     absl::StatusOr<TriangleMesh> mesh = LoadMesh(path, VectorOf(urdf.scale));
     if (!mesh.ok()) throw of_link(mesh.status());
     Eigen::AlignedBox3d box;
@@ -318,7 +324,8 @@ class UrdfReader {
                         " m long, less than ", kLeastMesh,
                         " m; it seems to be scaled twice: a Collada file has a unit of its own"));
     }
-    return MeshShape{path, std::make_shared<const TriangleMesh>(*std::move(mesh))};
+    shared = std::make_shared<const TriangleMesh>(*std::move(mesh));
+    return MeshShape{path, shared};
   }
 
   const std::string path_;
@@ -326,6 +333,9 @@ class UrdfReader {
   urdf::ModelInterfaceSharedPtr urdf_;
   RobotModel model_;
   std::vector<Mimic> mimics_;
+  // By path and scale.
+  std::map<std::tuple<std::string, double, double, double>, std::shared_ptr<const TriangleMesh>>
+      meshes_;
 };
 
 absl::StatusOr<RobotModel> RobotModel::FromUrdf(const std::string& path,
