@@ -64,11 +64,10 @@ SimulatedCell::SimulatedCell(RobotModel robot, SimulationSettings settings)
   }
 }
 
-absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(
-    const std::string& simulation, const std::string& urdf,
-    std::span<const std::string> package_paths, const std::string& variant) {
+absl::StatusOr<std::shared_ptr<SimulatedCell>> SimulatedCell::Load(const std::string& simulation,
+                                                                   const RobotModel& bare,
+                                                                   const std::string& variant) {
   ASSIGN_OR_RETURN(SimulationSettings settings, LoadSimulation(simulation));
-  ASSIGN_OR_RETURN(RobotModel bare, RobotModel::FromUrdf(urdf, package_paths));
   absl::StatusOr<RobotModel> robot = Carrying(bare, settings.parts, variant);
   if (!robot.ok()) {
     return absl::InvalidArgumentError(absl::StrCat(simulation, ": ", robot.status().message()));

@@ -31,10 +31,10 @@ class SimulatedCell {
   // board is on a link that the robot does not have.
   SimulatedCell(RobotModel robot, SimulationSettings settings);
 
-  // Reads simulation.yaml and the robot's URDF; the robot carries what it does in `variant`.
+  // Reads simulation.yaml; the robot carries what it does in `variant`.
   static absl::StatusOr<std::shared_ptr<SimulatedCell>> Load(
-      const std::string& simulation, const std::string& urdf,
-      std::span<const std::string> package_paths, const std::string& variant = kBareVariant);
+      const std::string& simulation, const RobotModel& bare,
+      const std::string& variant = kBareVariant);
 
   const RobotModel& robot() const { return robot_; }
   const SimulationSettings& settings() const { return settings_; }

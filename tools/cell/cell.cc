@@ -89,7 +89,8 @@ Cell ReadCell(const std::string& path) {
   }
   if (calibration_node) cell.calibration = ReadCalibration(*calibration_node);
   if (sound_node) {
-    if (cell.robot.urdf.empty()) sound_node->Fail("it needs the robot's model; state robot: urdf");
+    if (cell.robot.model == nullptr)
+      sound_node->Fail("it needs the robot's model; state robot: urdf");
     cell.sound = ReadSound(*sound_node);
   }
   if (separation_node) {
@@ -140,32 +141,25 @@ absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& databa
 
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
   if (cell.workspace) return *cell.workspace;
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     return absl::InvalidArgumentError(
         cell.file + ": the robot's space is not known; say 'workspace', or the robot's 'urdf'");
   }
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
-  return ReachBox(robot, moving, cell.fixed_joints, cell.robot.payload_radius);
+  return ReachBox(*cell.robot.model, moving, cell.fixed_joints, cell.robot.payload_radius);
 }
 
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
   if (!cell.sound) return std::optional<SoundCell>();
   ASSIGN_OR_RETURN(const Workspace workspace, WorkspaceOf(cell));
-  ASSIGN_OR_RETURN(RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  return std::optional<SoundCell>({*cell.sound, workspace, cell.robot.payload_radius,
-                                   std::make_shared<const RobotModel>(std::move(robot)),
-                                   cell.separation});
+  return std::optional<SoundCell>(
+      {*cell.sound, workspace, cell.robot.payload_radius, cell.robot.model, cell.separation});
 }
 
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
   if (!cell.robot.drawn) return std::optional<DrawnCell>();
-  ASSIGN_OR_RETURN(RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  DrawnCell drawn{.robot = std::make_shared<const RobotModel>(std::move(robot)),
+  DrawnCell drawn{.robot = cell.robot.model,
                   .parts = *cell.robot.drawn,
                   .payload_radius = cell.robot.payload_radius,
                   .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -34,8 +35,8 @@
 namespace silhouette {
 
 struct RobotSettings {
-  std::string urdf;                        // path; empty: bare joints
-  std::vector<std::string> package_paths;  // roots that package:// paths are resolved against
+  std::string urdf;                         // path; empty: bare joints
+  std::shared_ptr<const RobotModel> model;  // of `urdf`; null: bare joints
   RobotDriver driver;
   // How far, in metres, tool and payload reach beyond the model's last link.
   double payload_radius = 0;
@@ -119,11 +120,11 @@ absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& databa
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
 // What the sound presets are served with; nothing if the file does not say. Errors: as those of
-// WorkspaceOf and RobotModel::FromUrdf.
+// WorkspaceOf.
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell);
 
-// What robot images are drawn from; nothing if they are captured. Errors: those of
-// RobotModel::FromUrdf, and InvalidArgument for forbidden regions that cannot be.
+// What robot images are drawn from; nothing if they are captured. InvalidArgument: forbidden
+// regions that cannot be.
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell);
 
 // What the cell's database must say of it.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -18,7 +19,6 @@ namespace {
 // What the section `robot` says before the grid is known.
 struct RobotSection {
   RobotSettings settings;
-  std::optional<RobotModel> model;
   std::vector<GridJoint> moving;  // with one step each
   std::vector<FixedJoint> fixed;
 };
@@ -32,7 +32,7 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
   node.Fail("the model has no moving joint '" + name + "'; it has " + ListOfWords(known));
 }
 
-GridJoint ReadMovingJoint(const YamlNode& node, const std::optional<RobotModel>& model) {
+GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   YamlMap map(node);
   GridJoint joint;
   joint.name = map.Get<std::string>("name");
@@ -76,8 +76,8 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
         if (joint.name == name) value.Fail("'" + name + "' moves; it cannot be fixed, too");
       }
       const double position = value.AsAngle();
-      if (robot.model) {
-        const RobotJoint& joint = ModelJoint(*robot.model, name, value);
+      if (robot.settings.model) {
+        const RobotJoint& joint = ModelJoint(*robot.settings.model, name, value);
         if (joint.type != JointType::kContinuous &&
             (position < joint.lower || position > joint.upper)) {
           value.Fail("beyond the joint's limits in the model, " + std::to_string(joint.lower) +
@@ -87,9 +87,9 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
       fixed.push_back({name, position});
     }
   }
-  if (!robot.model) return fixed;
+  if (!robot.settings.model) return fixed;
   std::vector<std::string> unnamed;
-  for (const RobotJoint& joint : robot.model->joints()) {
+  for (const RobotJoint& joint : robot.settings.model->joints()) {
     const auto named = [&](const auto& other) { return other.name == joint.name; };
     if (std::none_of(robot.moving.begin(), robot.moving.end(), named) &&
         std::none_of(fixed.begin(), fixed.end(), named)) {
@@ -129,9 +129,10 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   map.Read("driver", robot.settings.driver,
            [&](const YamlNode& driver) { return ReadRobotDriver(driver, folder); });
   const auto urdf = map.Optional("urdf");
+  std::vector<std::string> package_paths;
   if (const auto paths = map.Optional("package_paths")) {
     for (const std::string& path : paths->Values<std::string>()) {
-      robot.settings.package_paths.push_back(ResolvePath(folder, path));
+      package_paths.push_back(ResolvePath(folder, path));
     }
   }
   map.Read("payload_radius", robot.settings.payload_radius, &YamlNode::AsNotNegative);
@@ -144,12 +145,12 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
     images->Fail("images are drawn from the robot's model; state urdf");
   if (urdf) {
     robot.settings.urdf = ResolvePath(folder, urdf->As<std::string>());
-    auto model = RobotModel::FromUrdf(robot.settings.urdf, robot.settings.package_paths);
+    auto model = RobotModel::FromUrdf(robot.settings.urdf, package_paths);
     if (!model.ok()) urdf->Fail(std::string(model.status().message()));
-    robot.model = *std::move(model);
+    robot.settings.model = std::make_shared<const RobotModel>(*std::move(model));
   }
   for (const YamlNode& joint : joints.Items()) {
-    robot.moving.push_back(ReadMovingJoint(joint, robot.model));
+    robot.moving.push_back(ReadMovingJoint(joint, robot.settings.model.get()));
   }
   if (robot.settings.arm_joints >= static_cast<int>(robot.moving.size())) {
     images->Fail("arm_joints is " + std::to_string(robot.settings.arm_joints) + ", and " +
@@ -162,8 +163,8 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
 
 std::map<std::string, bool> SlidesOf(const RobotSection& robot) {
   std::map<std::string, bool> slides;
-  if (!robot.model) return slides;
-  for (const RobotJoint& joint : robot.model->joints()) {
+  if (!robot.settings.model) return slides;
+  for (const RobotJoint& joint : robot.settings.model->joints()) {
     slides[joint.name] = joint.type == JointType::kPrismatic;
   }
   return slides;
@@ -176,7 +177,7 @@ std::vector<double> Reaches(const RobotSection& robot, const YamlNode& node) {
   std::vector<double> reaches;
   for (const std::string& name : moving) {
     const auto reach =
-        Reach(*robot.model, name, moving, robot.fixed, robot.settings.payload_radius);
+        Reach(*robot.settings.model, name, moving, robot.fixed, robot.settings.payload_radius);
     if (!reach.ok()) node.Fail(std::string(reach.status().message()));
     reaches.push_back(*reach);
   }
@@ -225,7 +226,7 @@ std::vector<double> MovesOf(const std::vector<GridJoint>& joints,
 ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, const RobotSection& robot,
                            const YamlNode& node) {
   std::vector<double> sweeps;
-  if (robot.model) {
+  if (robot.settings.model) {
     std::vector<std::string> moving;
     std::vector<double> steps;
     for (const GridJoint& joint : joints) {
@@ -233,7 +234,7 @@ ConfigurationGrid MakeGrid(std::vector<GridJoint> joints, const RobotSection& ro
       steps.push_back(joint.step());
     }
     absl::StatusOr<std::vector<double>> found =
-        MeanSweeps(*robot.model, moving, robot.fixed, steps);
+        MeanSweeps(*robot.settings.model, moving, robot.fixed, steps);
     if (!found.ok()) node.Fail(std::string(found.status().message()));
     sweeps = *std::move(found);
   }
@@ -273,11 +274,12 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
   const auto steps = map.Optional("steps");
   map.Finish();
   if (max_move.has_value() == steps.has_value()) grid_node.Fail("say either max_move or steps");
-  if (max_move && !robot.model) max_move->Fail("max_move needs the robot's urdf; or say steps");
+  if (max_move && !robot.settings.model)
+    max_move->Fail("max_move needs the robot's urdf; or say steps");
   if (rule && !max_move) rule->Fail("max_move_rule goes with max_move");
 
   std::vector<double> reaches;
-  if (robot.model) reaches = Reaches(robot, robot_node);
+  if (robot.settings.model) reaches = Reaches(robot, robot_node);
   try {
     std::vector<GridJoint> joints = robot.moving;
     const int arm_joints = robot.settings.arm_joints;
@@ -286,7 +288,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
       const double delta =
           DeltaPerJoint(max_move->As<double>(), static_cast<int>(with_steps), ReadRule(rule));
       for (size_t j = 0; j < with_steps; ++j) {
-        joints[j] = TurnsAll(*robot.model, joints[j].name)
+        joints[j] = TurnsAll(*robot.settings.model, joints[j].name)
                         ? MaxMoveJoint(joints[j], reaches[j], delta)
                         : MaxMoveJoint(joints[j], std::nullopt, delta / reaches[j]);
       }

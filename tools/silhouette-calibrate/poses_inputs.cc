@@ -113,15 +113,11 @@ struct CellAndRobot {
 
 absl::StatusOr<CellAndRobot> LoadRobot(const PoseSources& sources) {
   CellAndRobot loaded;
-  std::string urdf = sources.urdf;
-  std::vector<std::string> packages;
   if (!sources.cell.empty()) {
     ASSIGN_OR_RETURN(loaded.cell, LoadCell(sources.cell));
-    urdf = loaded.cell->robot.urdf;
-    packages = loaded.cell->robot.package_paths;
-  }
-  if (!urdf.empty()) {
-    ASSIGN_OR_RETURN(loaded.robot, RobotModel::FromUrdf(urdf, packages));
+    if (loaded.cell->robot.model != nullptr) loaded.robot = *loaded.cell->robot.model;
+  } else if (!sources.urdf.empty()) {
+    ASSIGN_OR_RETURN(loaded.robot, RobotModel::FromUrdf(sources.urdf));
   }
   return loaded;
 }

@@ -333,11 +333,10 @@ absl::StatusOr<ExitCode> TellHowToGoOn(const RunArguments& arguments, const absl
 absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   CatchStopSignals();
   ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     return InvalidArgument(cell.file + ": the robot needs a 'urdf' for this");
   }
-  ASSIGN_OR_RETURN(const auto robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  const RobotModel& robot = *cell.robot.model;
   ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments, cell, robot));
   arguments.flange_board = settings.flange_board;
   RETURN_IF_ERROR(MakeFolder(settings.folder));

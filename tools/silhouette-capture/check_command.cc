@@ -61,11 +61,10 @@ Finding OfGrid(const Cell& cell) {
 }
 
 // Of revolute joints of many turns.
-absl::StatusOr<Findings> OfLimits(const Cell& cell) {
+Findings OfLimits(const Cell& cell) {
   Findings findings;
-  if (cell.robot.urdf.empty()) return findings;
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  if (cell.robot.model == nullptr) return findings;
+  const RobotModel& robot = *cell.robot.model;
   for (const GridJoint& joint : cell.grid.joints()) {
     const auto index = robot.JointIndex(joint.name);
     if (!index || robot.joints()[*index].type != JointType::kRevolute) continue;
@@ -231,8 +230,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   const auto add = [&](const Findings& more) {
     findings.insert(findings.end(), more.begin(), more.end());
   };
-  ASSIGN_OR_RETURN(const Findings limits, OfLimits(file.cell));
-  add(limits);
+  add(OfLimits(file.cell));
   add(OfDrawnImages(file.cell));
   const auto devices = OpenDevices(file.cell, travel, file.variant);
   if (devices.ok()) {

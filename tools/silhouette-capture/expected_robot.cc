@@ -18,14 +18,13 @@ absl::StatusOr<std::optional<DrawnRobot>> ExpectedRobotOf(const Cell& cell,
                                                           std::span<const MaskSize> sizes,
                                                           const std::string& what) {
   const std::optional<DrawnRobot> none;
-  if (cell.robot.urdf.empty()) return none;
+  if (cell.robot.model == nullptr) return none;
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto stored, snapshot.Calibration());
   if (!stored) return none;
   ASSIGN_OR_RETURN(const Calibration calibration, CalibrationFrom(*stored));
   if (calibration.cameras.empty()) return none;
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  const RobotModel& robot = *cell.robot.model;
   PartSettings settings;
   settings.most_parts = 4;  // coarse is enough
   std::vector<std::string> joints;

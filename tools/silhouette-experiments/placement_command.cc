@@ -73,12 +73,11 @@ absl::StatusOr<Trials> MakeTrials(const Cell& cell, const RobotModel& robot, con
 
 absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
   ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     return absl::InvalidArgumentError(arguments.cell +
                                       ": the robot has no 'urdf', so there is nothing to look at");
   }
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
+  const RobotModel& robot = *cell.robot.model;
   ASSIGN_OR_RETURN(Places places, LoadPlaces(arguments.places));
   if (arguments.cameras > 0) places.cameras = arguments.cameras;
   Result result{

@@ -47,13 +47,11 @@ absl::StatusOr<std::vector<double>> Workplace::Positions(
 
 absl::StatusOr<Workplace> LoadWorkplace(const WorkplaceArguments& arguments) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(arguments.cell));
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     return absl::InvalidArgumentError(arguments.cell +
                                       ": the robot has no 'urdf', so there is nothing to simulate");
   }
-  absl::StatusOr<RobotModel> robot =
-      RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths);
-  if (!robot.ok()) return robot.status();
+  absl::StatusOr<RobotModel> robot = *cell.robot.model;
   if (!cell.simulation.empty()) {
     ASSIGN_OR_RETURN(const auto settings, LoadSimulation(cell.simulation));
     robot = Carrying(*robot, settings.parts, arguments.variant);

@@ -144,10 +144,10 @@ absl::StatusOr<std::shared_ptr<SimulatedCell>> LoadSimulatedCell(const Cell& cel
   if (cell.simulation.empty()) {
     return CellMistake(cell, "the simulated cell needs the key 'simulation' with its file");
   }
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     return CellMistake(cell, "the simulated robot needs the key 'urdf' in 'robot'");
   }
-  return SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths, variant);
+  return SimulatedCell::Load(cell.simulation, *cell.robot.model, variant);
 }
 
 absl::Status CellMistake(const Cell& cell, const std::string& what) {

@@ -37,14 +37,12 @@ absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link
 // The joints of a robot that an operator moves: those of its model, else those in the file.
 absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
   std::vector<ManualJoint> joints;
-  if (cell.robot.urdf.empty()) {
+  if (cell.robot.model == nullptr) {
     for (const GridJoint& joint : cell.grid.joints()) joints.push_back({.name = joint.name});
     for (const FixedJoint& joint : cell.fixed_joints) joints.push_back({.name = joint.name});
     return joints;
   }
-  ASSIGN_OR_RETURN(const RobotModel model,
-                   RobotModel::FromUrdf(cell.robot.urdf, cell.robot.package_paths));
-  for (const RobotJoint& joint : model.joints()) {
+  for (const RobotJoint& joint : cell.robot.model->joints()) {
     joints.push_back({.name = joint.name, .prismatic = joint.type == JointType::kPrismatic});
   }
   return joints;

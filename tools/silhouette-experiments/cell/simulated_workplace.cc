@@ -17,7 +17,7 @@ namespace {
 constexpr char kProgram[] = "silhouette-experiments cell";
 
 absl::Status CheckSimulated(const Cell& cell) {
-  if (cell.simulation.empty() || cell.robot.urdf.empty()) {
+  if (cell.simulation.empty() || cell.robot.model == nullptr) {
     return absl::InvalidArgumentError(absl::StrCat(
         cell.file, ": an experiment needs the simulated cell; give 'simulation' its file and ",
         "'robot' its 'urdf', as capture/sim/cells/demo/cell.yaml does"));
@@ -62,8 +62,7 @@ absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& c
                                                             const std::string& database) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file, database));
   RETURN_IF_ERROR(CheckSimulated(cell));
-  ASSIGN_OR_RETURN(auto simulation,
-                   SimulatedCell::Load(cell.simulation, cell.robot.urdf, cell.robot.package_paths));
+  ASSIGN_OR_RETURN(auto simulation, SimulatedCell::Load(cell.simulation, *cell.robot.model));
   // The rig checks that every view has its camera.
   RETURN_IF_ERROR(SimulatedCameraRig::Create(simulation, ViewsOf(cell)).status());
   SimulatedWorkplace workplace(std::move(cell), std::move(simulation));

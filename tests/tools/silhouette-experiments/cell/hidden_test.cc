@@ -5,8 +5,10 @@
 
 #include <algorithm>
 #include <fstream>
+#include <memory>
 #include <regex>
 
+#include "calib/robot/robot_model.h"
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
 #include "tests/db/store/test_cell.h"
@@ -135,7 +137,9 @@ TEST_F(HiddenObstacles, AreFoundByARobotOfOpenMeshesWhichDoesNotBlockAll) {
                             "<mesh filename=\"open.obj\" scale=");
   std::ofstream(folder / "robot.urdf") << urdf;
   Cell cell = workplace_->cell();
-  cell.robot.urdf = (folder / "robot.urdf").string();
+  auto robot = RobotModel::FromUrdf(folder / "robot.urdf");
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  cell.robot.model = std::make_shared<const RobotModel>(*std::move(robot));
   const auto sound = SoundCellOf(cell);
   ASSERT_TRUE(sound.ok()) << sound.status();
   const auto database = Database::Open(database_, Database::Access::kRead);
