@@ -158,7 +158,8 @@ struct Excess {
 
 // The greatest distance from the mesh of any point of the hulls' common surface, by branch and
 // bound: no point of a patch is farther from the mesh than its middle is, plus its own extent, nor
-// than its corners are from one triangle. Ends as soon as the bound is not above the aim.
+// than its corners are from one triangle. Ends only where the bound says whether it is above the
+// aim, or by 5 % at most: no cut is for nothing.
 Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
   struct Patch {
     double bound;
@@ -193,8 +194,8 @@ Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
     if (patch.bound <= least || in_another(patch)) return;
     // The middle is on the common surface if it is in no other hull.
     const bool shown = distance > least && std::ranges::none_of(pieces, [&](const Piece& other) {
-      return &other != &pieces[piece] && other.hull.Contains(middle, kSameFace);
-    });
+                         return &other != &pieces[piece] && other.hull.Contains(middle, kSameFace);
+                       });
     if (shown) least = distance;
     patches.push(std::move(patch));
   };
@@ -208,8 +209,8 @@ Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
   }
   while (!patches.empty()) {
     const Patch patch = patches.top();
-    const bool close = patch.bound <= std::max(1.05 * least, least > aim ? least + aim / 4 : aim);
-    if (close) return {patch.bound, patch.piece};
+    const bool close = patch.bound <= least + aim / 4 && (patch.bound <= aim || least > aim);
+    if (close || patch.bound <= 1.05 * least) return {patch.bound, patch.piece};
     patches.pop();
     // Across the longest side.
     size_t longest = 0;
@@ -290,7 +291,8 @@ FewPoints FewPointsOf(const ConvexBody& body, double most_radius, size_t most_po
     few.radius = 0;
     uint32_t hint = 0;
     for (const Vector3d& vertex : body.vertices) {
-      if (!hull->Contains(vertex, 0)) few.radius = std::max(few.radius, tree.Distance(vertex, hint));
+      if (!hull->Contains(vertex, 0))
+        few.radius = std::max(few.radius, tree.Distance(vertex, hint));
     }
     if (few.radius <= most_radius || few.points.size() >= most_points) break;
     // Those farthest outside, one above a face.

@@ -13,8 +13,8 @@ struct MeshPieces {
   // Every triangle of the mesh is in the union of the hulls.
   std::vector<ConvexBody> hulls;
   // Metres: every straight line that meets a hull passes the mesh, its holes closed, at no more
-  // than this distance. An upper bound: where it is above the aim, it is above the true value by at
-  // most a quarter of the aim, or 5 %.
+  // than this distance. An upper bound, above the true value by at most a quarter of the aim, or 5
+  // %.
   double excess = 0;
 };
 
