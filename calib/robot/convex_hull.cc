@@ -101,9 +101,8 @@ double ConvexBody::Depth(const Vector3d& point) const {
 }
 
 bool ConvexBody::Contains(const Vector3d& point, double slack) const {
-  return std::ranges::all_of(planes, [&](const Plane& plane) {
-    return plane.normal.dot(point) + plane.offset <= slack;
-  });
+  return std::ranges::all_of(
+      planes, [&](const Plane& plane) { return plane.normal.dot(point) + plane.offset <= slack; });
 }
 
 std::optional<ConvexBody> HullOf(std::span<const Vector3d> points) {

@@ -14,6 +14,7 @@
 #include <fstream>
 #include <limits>
 #include <numbers>
+#include <span>
 #include <utility>
 
 namespace silhouette {
@@ -107,6 +108,17 @@ void Append(const aiMesh& part, const Eigen::Vector3d& scale, TriangleMesh& mesh
   }
 }
 
+bool AllFinite(const aiScene& scene) {
+  for (unsigned i = 0; i < scene.mNumMeshes; ++i) {
+    const std::span vertices(scene.mMeshes[i]->mVertices, scene.mMeshes[i]->mNumVertices);
+    const bool finite = std::ranges::all_of(vertices, [](const aiVector3D& vertex) {
+      return std::isfinite(vertex.x) && std::isfinite(vertex.y) && std::isfinite(vertex.z);
+    });
+    if (!finite) return false;
+  }
+  return true;
+}
+
 // What a Git clone without its large files has in place of them.
 bool IsLfsPointer(const std::string& path) {
   std::string line;
@@ -131,11 +143,22 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS |
                                   aiComponent_COLORS | aiComponent_TEXCOORDS |
                                   aiComponent_MATERIALS);
-  const aiScene* scene =
-      importer.ReadFile(path, aiProcess_RemoveComponent | aiProcess_Triangulate |
-                                  aiProcess_JoinIdenticalVertices | aiProcess_PreTransformVertices);
+  const auto no_number = [&] {
+    return InvalidArgument("the mesh '" + path +
+                           "' has a vertex that is no number; export it again");
+  };
+  const aiScene* scene = importer.ReadFile(path, 0);
+  // Joining takes a vertex that is no number for one beside it.
+  if (scene != nullptr && !AllFinite(*scene)) return no_number();
+  if (scene != nullptr) {
+    scene = importer.ApplyPostProcessing(aiProcess_RemoveComponent | aiProcess_Triangulate |
+                                         aiProcess_JoinIdenticalVertices |
+                                         aiProcess_PreTransformVertices);
+  }
   if (scene == nullptr) {
-    return InvalidArgument("the mesh '" + path + "' cannot be read: " + importer.GetErrorString() +
+    constexpr size_t kMostOfError = 100;  // it may have the rest of the file
+    return InvalidArgument("the mesh '" + path + "' cannot be read: " +
+                           std::string(importer.GetErrorString()).substr(0, kMostOfError) +
                            "; export it again, as binary STL, say");
   }
   TriangleMesh mesh;
@@ -144,10 +167,7 @@ absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vect
     return InvalidArgument("the mesh '" + path + "' has no triangles; export it with some");
   }
   for (const Eigen::Vector3d& vertex : mesh.vertices) {
-    if (!vertex.allFinite()) {
-      return InvalidArgument("the mesh '" + path +
-                             "' has a vertex that is no number; export it again");
-    }
+    if (!vertex.allFinite()) return no_number();
   }
   return mesh;
 }

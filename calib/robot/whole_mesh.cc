@@ -247,7 +247,11 @@ absl::Status CheckWhole(const std::string& path) {
   if (check == nullptr) return absl::OkStatus();
   std::ifstream in(path, std::ios::binary);
   const std::string bytes(std::istreambuf_iterator<char>(in), {});
-  const Fault fault = check(bytes);
+  Fault fault = check(bytes);
+  // As programs of Windows write what is no number; it would be read as 1.
+  for (const char* const no_number : {"1.#QNAN", "1.#IND", "1.#INF"}) {
+    if (absl::StrContains(bytes, no_number)) fault = "has a vertex that is no number";
+  }
   if (fault.empty()) return absl::OkStatus();
   return InvalidArgument("the mesh '", path, "' ", fault,
                          absl::StrContains(fault, "again") ? "" : "; copy or export it again");

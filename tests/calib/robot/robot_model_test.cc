@@ -330,6 +330,18 @@ std::string RefusalOf(const std::string& file, const std::string& mesh) {
   return std::string(robot.status().message());
 }
 
+TEST(RobotModel, MeshWithAVertexThatIsNoNumberIsRefusedWhereverItStands) {
+  const std::string mesh = TetrahedronStl();
+  for (const std::string number : {"nan", "-nan(ind)", "1.#QNAN", "inf"}) {
+    for (size_t at = mesh.find("vertex"); at != mesh.npos; at = mesh.find("vertex", at + 1)) {
+      std::string bad = mesh;
+      bad.replace(bad.find(' ', at) + 1, 1, number);
+      EXPECT_THAT(RefusalOf("link.stl", bad), HasSubstr("has a vertex that is no number; export"))
+          << number << " at " << at;
+    }
+  }
+}
+
 TEST(RobotModel, PlyMeshWithLessThanItsHeaderCountsIsRefused) {
   const auto header = [](const std::string& format) {
     return "ply\nformat " + format +
