@@ -105,7 +105,8 @@ TEST(RobotParts, ConvexMeshIsOnePartThatAddsNothing) {
   const auto parts = PartsOfMesh(CylinderMesh(0.1, 0.5));
   ASSERT_TRUE(parts.ok()) << parts.status();
   EXPECT_EQ(parts->parts().size(), 1u);
-  EXPECT_LT(parts->excess()[0], 0.003);
+  // What the bound may be above, and what fewer points add.
+  EXPECT_LT(parts->excess()[0], 0.0025 + 0.001);
   // Nearly all of it is certain, but for the tolerance.
   const auto inner = HullOf(VectorOf(parts->parts()[0].inner));
   ASSERT_TRUE(inner);
