@@ -109,7 +109,7 @@ void DetectSession::Judge() {
     image.copy = !unique && !image.tags.tags.empty();
     image.warnings = WarningsOf(image.tags);
     if (image.copy) {
-      image.warnings.push_back({"the picture is the same as another and left out",
+      image.warnings.push_back({"the picture is a copy of another and left out",
                                 absl::StrCat("as frame '", images_[same->second].tags.frame, "'")});
       continue;
     }

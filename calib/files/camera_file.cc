@@ -317,9 +317,12 @@ void SetSize(const YamlNode& place, std::optional<std::array<int, 2>> stated,
 }
 
 std::optional<YamlNode> CameraMatrixIn(YamlMap& map, const std::string& number = "") {
-  return AnyOf(map,
-               {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k", "M"},
-               number);
+  if (number.empty()) {
+    return AnyOf(map,
+                 {"camera_matrix", "cameraMatrix", "camera_Matrix", "Camera_Matrix", "K", "k"});
+  }
+  const auto matrix = AnyOf(map, {"cameraMatrix", "K", "M"}, number);
+  return matrix && !matrix->IsScalar() ? matrix : std::nullopt;
 }
 
 // OpenCV and ROS: nearly the same keys. `number` as of AnyOf.

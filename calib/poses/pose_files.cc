@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/poses/pose_files.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
 #include "calib/boards/csv.h"
 #include "calib/poses/pose_frames.h"
@@ -59,8 +61,21 @@ absl::StatusOr<std::vector<PoseRow>> RowsOfTable(const std::string& text, const 
 // Of lists as Python and numpy print them, where that is no JSON: each innermost one is a line.
 absl::StatusOr<std::vector<PoseRow>> RowsOfPrinted(const std::string& text, const std::string& file,
                                                    const PoseNotation& notation) {
-  const std::string lines = absl::StrReplaceAll(
-      text, {{"np.array", ""}, {"array", ""}, {",", " "}, {"\n", " "}, {"]", "\n"}, {")", "\n"}});
+  std::string numbers;  // without comments
+  for (const absl::string_view line : absl::StrSplit(text, '\n')) {
+    absl::StrAppend(&numbers, line.substr(0, line.find('#')), " ");
+  }
+  if (std::ranges::count(numbers, '[') != std::ranges::count(numbers, ']') ||
+      std::ranges::count(numbers, '(') != std::ranges::count(numbers, ')')) {
+    return InvalidArgument(file, ": the list is cut off: a bracket is not closed; write it again");
+  }
+  const std::string lines = absl::StrReplaceAll(numbers, {{"np.array", ""},
+                                                          {"array", ""},
+                                                          {"dtype=float32", ""},
+                                                          {"dtype=float64", ""},
+                                                          {",", " "},
+                                                          {"]", "\n"},
+                                                          {")", "\n"}});
   absl::StatusOr<std::vector<PoseRow>> rows = RowsOfTable(lines, file, notation);
   if (!rows.ok()) {
     return InvalidArgument(file, ": no poses as '", notation.name(),
@@ -157,7 +172,8 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& tex
   const bool lists = absl::StartsWith(begin, "[");
   const bool json = absl::StartsWith(begin, "{") ||
                     (lists && (absl::StrContains(begin, '{') || nlohmann::json::accept(text)));
-  const bool printed = lists || absl::StartsWith(begin, "array(");
+  const bool printed =
+      lists || absl::StartsWith(begin, "array(") || absl::StartsWith(begin, "np.array(");
   ASSIGN_OR_RETURN(const std::vector<PoseRow> rows, json      ? RowsOfJson(text, file, notation)
                                                     : printed ? RowsOfPrinted(text, file, notation)
                                                               : RowsOfTable(text, file, notation));

@@ -26,7 +26,7 @@ struct ConvexBody {
 
   // How deep inside a point is: the distance from the nearest face's plane; negative outside.
   double Depth(const Eigen::Vector3d& point) const;
-  // Whether a point is inside, or outside by less than `slack`.
+  // Whether a point is outside no face's plane by more than `slack`.
   bool Contains(const Eigen::Vector3d& point, double slack) const;
 };
 

@@ -42,7 +42,7 @@ std::vector<Vector3d> PointsOfPiece(std::span<const Corners> triangles) {
     points.insert(points.end(), corners.begin(), corners.end());
   // Triangles share corners, about six to one; a hull takes as much less time without.
   std::ranges::sort(points, LessByCoordinates());
-  points.erase(std::ranges::unique(points).begin(), points.end());
+  points.erase(std::unique(points.begin(), points.end()), points.end());
   return points;
 }
 
@@ -158,8 +158,8 @@ struct Excess {
 
 // The greatest distance from the mesh of any point of the hulls' common surface, by branch and
 // bound: no point of a patch is farther from the mesh than its middle is, plus its own extent, nor
-// than its corners are from one triangle. Ends only where the bound says whether it is above the
-// aim, or by 5 % at most: no cut is for nothing.
+// than its corners are from one triangle. The bound is exact enough to tell whether the distance is
+// above `aim`; above it, it is at most 5 % too large.
 Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
   struct Patch {
     double bound;

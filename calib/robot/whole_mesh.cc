@@ -249,9 +249,10 @@ absl::Status CheckWhole(const std::string& path) {
   const std::string bytes(std::istreambuf_iterator<char>(in), {});
   Fault fault = check(bytes);
   // As programs of Windows write what is no number; it would be read as 1.
-  for (const char* const no_number : {"1.#QNAN", "1.#IND", "1.#INF"}) {
-    if (absl::StrContains(bytes, no_number))
-      fault = "has a vertex that is no number; export it again";
+  for (const std::string no_number : {"1.#QNAN", "1.#IND", "1.#INF"}) {
+    if (absl::StrContains(bytes, no_number)) {
+      fault = "has " + no_number + ", which is no number; export it again";
+    }
   }
   if (fault.empty()) return absl::OkStatus();
   return InvalidArgument("the mesh '", path, "' ", fault,

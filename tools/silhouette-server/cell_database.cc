@@ -324,8 +324,14 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
                                                                    const std::string& path,
                                                                    bool unverified) {
-  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database,
-                   Database::Open(path, Database::Access::kRead));
+  const auto opened = Database::Open(path, Database::Access::kRead);
+  if (absl::IsNotFound(opened.status())) {
+    return absl::NotFoundError(absl::StrCat(
+        opened.status().message(), "; begin one with 'silhouette-capture reference --cell ",
+        cell.file, " --database ", path, "'"));
+  }
+  if (!opened.ok()) return opened.status();
+  const std::unique_ptr<Database>& database = *opened;
   storage::v1::CellDescription wanted = DescriptionOf(cell);
   *wanted.mutable_tile_edges() = database->cell().tile_edges();
   const std::vector<std::string> differences =

@@ -39,7 +39,7 @@ struct Wedge {
 
 }  // namespace
 
-HullEdges::HullEdges(const Eigen::Matrix3Xd& points) {
+HullEdges::HullEdges(const Eigen::Matrix3Xd& points) : points_(points.cols()) {
   if (points.cols() > kMostPoints) return;
   for (Eigen::Index a = 0; a < points.cols(); ++a) {
     for (Eigen::Index b = a + 1; b < points.cols(); ++b) Add(points, a, b);
@@ -75,12 +75,7 @@ void HullEdges::Add(const Eigen::Matrix3Xd& points, Eigen::Index a, Eigen::Index
   }
   const size_t lane = edges_.size() % kLanes;
   edges_.push_back({static_cast<uint32_t>(a), static_cast<uint32_t>(b)});
-  if (lane == 0) {
-    // Before both faces wherever the eye is: no outline.
-    const Four none = {};
-    faces_.push_back({});
-    for (auto& plane : faces_.back().planes) plane = {none, none, none, none + 1};
-  }
+  if (lane == 0) faces_.emplace_back();
   for (size_t face = 0; face < 2; ++face) {
     for (size_t i = 0; i < 4; ++i) {
       faces_.back().planes[face][i][lane] = planes[face][static_cast<Eigen::Index>(i)];
@@ -90,7 +85,7 @@ void HullEdges::Add(const Eigen::Matrix3Xd& points, Eigen::Index a, Eigen::Index
 
 SILHOUETTE_WIDER_VECTORS static uint32_t EdgesBetween(const Four* a, const Four* b,
                                                       const double* eye) {
-  const double doubt = kFlat * (1 + std::abs(eye[0]) + std::abs(eye[1]) + std::abs(eye[2]));
+  const double doubt = 10 * kFlat * (1 + std::abs(eye[0]) + std::abs(eye[1]) + std::abs(eye[2]));
   const Four of_a = a[0] * eye[0] + a[1] * eye[1] + a[2] * eye[2] + a[3];
   const Four of_b = b[0] * eye[0] + b[1] * eye[1] + b[2] * eye[2] + b[3];
   const Bits lanes = {1, 2, 4, 8};

@@ -25,16 +25,18 @@ class HullEdges {
   // Nothing is known, or the hull is a point.
   bool empty() const { return edges_.empty(); }
   size_t size() const { return edges_.size(); }
+  // How many there were.
+  Eigen::Index points() const { return points_; }
 
   // Calls `take(a, b)` with the numbers of the points at both ends of each edge where faces that
   // `eye` sees meet others. The images of these edges, in no order, are the outline of the image of
-  // the hull, to 10 nm; some within it may be among them. `eye`: outside the hull.
+  // the hull, to 0.1 um; some within it may be among them. `eye`: outside the hull.
   template <typename Take>
   void ForOutline(const Eigen::Vector3d& eye, const Take& take) const {
     for (size_t i = 0; i < faces_.size(); ++i) {
       for (uint32_t bits = OutlineOf(faces_[i], eye); bits != 0; bits &= bits - 1) {
-        const auto& [a, b] = edges_[kLanes * i + static_cast<size_t>(std::countr_zero(bits))];
-        take(a, b);
+        const size_t edge = kLanes * i + static_cast<size_t>(std::countr_zero(bits));
+        if (edge < edges_.size()) take(edges_[edge][0], edges_[edge][1]);
       }
     }
   }
@@ -54,7 +56,8 @@ class HullEdges {
   void Add(const Eigen::Matrix3Xd& points, Eigen::Index a, Eigen::Index b);
 
   std::vector<std::array<uint32_t, 2>> edges_;
-  std::vector<Faces> faces_;  // of kLanes edges; lanes that are left over are no outline
+  std::vector<Faces> faces_;  // of kLanes edges
+  Eigen::Index points_ = 0;
 };
 
 }  // namespace silhouette

@@ -63,9 +63,8 @@ class KinematicChain {
  private:
   std::vector<ChainJoint> joints_;
   std::vector<ChainLink> links_;
-  // By link that turns: by its angle its orientation in its parent's frame is that of standing
-  // still
-  // + sin * sine + (1 - cos) * versine (Rodrigues).
+  // By link: its orientation in its parent's frame, if it turns by `a`, is (Rodrigues)
+  //   parent_from_link.linear() + sin(a) * sine + (1 - cos(a)) * versine
   struct Turn {
     Eigen::Matrix3d sine = Eigen::Matrix3d::Zero();
     Eigen::Matrix3d versine = Eigen::Matrix3d::Zero();

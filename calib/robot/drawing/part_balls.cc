@@ -24,9 +24,9 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr double kFloat = 1e-6;
 
 float Mean(const Lanes& v) {
-  float sum = 0;
-  for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) sum += v[lane];
-  return sum / BallNumbers::kLanes;
+  double sum = 0;
+  for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) sum += double{v[lane]};
+  return static_cast<float>(sum / BallNumbers::kLanes);
 }
 
 float Greatest(const Lanes& v) {

@@ -171,7 +171,7 @@ struct Extremes {
 
 }  // namespace
 
-// x and y in turn, of the first `lanes`.
+// Stores x and y of the first `lanes` in turn.
 static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double* to) {
   const Four pairs[2] = {__builtin_shufflevector(x, y, 0, 4, 1, 5),
                          __builtin_shufflevector(x, y, 2, 6, 3, 7)};
@@ -518,7 +518,8 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   scratch.most_reach = growth * std::sqrt(1 + seen.off_axis) / (seen.nearest - growth);
   scratch.least_reach = growth / seen.farthest;
   scratch.widened_by = scratch.most_reach * window_.stretch();
-  if (!cut && !edges.empty() && window_.clear_of_fold() && scratch.widened_by <= kThin &&
+  const bool known = !edges.empty() && edges.points() == points.cols();
+  if (!cut && known && window_.clear_of_fold() && scratch.widened_by <= kThin &&
       window_.Holds({seen.low[0], seen.low[1]}, {seen.high[0], seen.high[1]})) {
     const Vector3d eye = -camera_from_body.linear().transpose() * camera_from_body.translation();
     TraceEdges(edges, eye, scratch);

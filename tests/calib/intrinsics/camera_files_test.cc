@@ -238,6 +238,11 @@ TEST(ForeignCameraFile, EachCameraOfAStereoPairIsRead) {
   }
 }
 
+TEST(ForeignCameraFile, NumbersOfDistortionAreNoCameras) {
+  const auto read = CameraFromForeignText("fx: 535\nfy: 536\nk1: -0.2\nk2: 0.1\n", "camera.yaml");
+  EXPECT_THAT(std::string(read.status().message()), HasSubstr("no camera is found in it"));
+}
+
 TEST(ForeignCameraFile, AMatrixOfBareNumbersIsRead) {
   const ForeignCameraOptions size = {.image_size = {{640, 480}}};
   const auto bare = CameraFromForeignText("535 0 320\n0 536 240\n0 0 1\n", "K.txt", size);

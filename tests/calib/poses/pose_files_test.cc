@@ -243,6 +243,22 @@ TEST(RobotPoseFile, ListsAreReadAsPythonAndNumpyPrintThem) {
                   .ok());
 }
 
+TEST(RobotPoseFile, CommentsInListsTakeNoPoseAndAListThatIsCutOffIsRefused) {
+  const std::string row = "[0.4, -0.1, 0.6, 0.6, 0, 0, 0.8]";
+  const auto poses = RobotPosesFromText("[" + row + ",\n " + row + ",  # was it blurred [?]\n " +
+                                            row + ",\n# the last\n " + row + "]",
+                                        "poses.txt", PoseNotation());
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  EXPECT_EQ(poses->size(), 4u);
+  EXPECT_TRUE(
+      RobotPosesFromText("np.array([" + row + "], dtype=float32)", "p", PoseNotation()).ok());
+  EXPECT_THAT(std::string(RobotPosesFromText("[" + row + ",\n [0.4, -0.1, 0.6, 0.6, 0, 0, 0.8",
+                                             "poses.txt", PoseNotation())
+                              .status()
+                              .message()),
+              HasSubstr("poses.txt: the list is cut off"));
+}
+
 TEST(RobotPoseFile, WhatNumpyLeavesOutInPrintIsRefusedWithTheMend) {
   const std::string row = "[1. 0. 0. 0.1]\n  [0. 1. 0. 0.]\n  [0. 0. 1. 0.3]\n  [0. 0. 0. 1.]";
   for (const auto& [notation, text] :

@@ -43,7 +43,9 @@ class ServedCell : public testing::Test {
             "         field_of_view: 50 deg"
          << of_camera << "room: {lower: [-6, -6, 0], upper: [6, 6, 6]" << of_room << "noise: 0\n";
     text.close();
-    auto cell = SimulatedCell::Load(file, SourceFolder() + "/capture/sim/robots/rx130.urdf", {});
+    const auto robot =
+        RobotModel::FromUrdf(SourceFolder() + "/capture/sim/robots/rx130.urdf").value();
+    auto cell = SimulatedCell::Load(file, robot, {});
     EXPECT_TRUE(cell.ok()) << cell.status();
     cell_ = *std::move(cell);
     std::vector<SimulatedView> views;

@@ -92,7 +92,7 @@ TEST_F(DetectProgram, CopiesAreLeftOutAndWhatDidNotMoveIsTold) {
   WriteImage("left/3.png", Rendered(1, {.noise = 3}).image());
   WriteImage("left/4.png", Rendered(4, {.blur = 2}).image());
   ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
-  EXPECT_THAT(out_, AllOf(HasSubstr("same as another and left out: left/2.png (as frame '1')\n"),
+  EXPECT_THAT(out_, AllOf(HasSubstr("a copy of another and left out: left/2.png (as frame '1')\n"),
                           HasSubstr("adds no information: left/3.png (as frame '1')\n"),
                           HasSubstr("in 1 of 4 images edges are blurred"),
                           HasSubstr("light): left/4.png (by ")));

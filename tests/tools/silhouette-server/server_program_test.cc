@@ -303,6 +303,13 @@ TEST_F(ServerProgramTest, PortInUseIsTheUsersMistake) {
   EXPECT_EQ(second.Output(), "");
 }
 
+TEST_F(ServerProgramTest, MissingDatabaseIsRefusedWithTheCommandThatBeginsOne) {
+  const std::string missing = database + "/none.lmdb";
+  EXPECT_EQ(Refused({"--cell", cell, "--database", missing}), 2);
+  EXPECT_THAT(errors, AllOf(HasSubstr("there is no database in '" + missing + "'"),
+                            HasSubstr("silhouette-capture reference --cell " + cell)));
+}
+
 TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {
   std::string text = kServerTestCellFile;
   text.replace(text.find("a: 5"), 4, "a: 9");

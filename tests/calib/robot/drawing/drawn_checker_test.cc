@@ -272,14 +272,18 @@ TEST(DrawnChecker, RobotBeyondSinglePrecisionIsDrawnAsItIs) {
   Random random;
   const KinematicChain chain({{.name = "slide", .lower = 0, .upper = 1}},
                              {ChainLink{}, ChainLink{.parent = 0, .joint = 0, .slides = true}});
-  RobotPart part{.moves_with = 1, .points = PointsOf(BoxMesh({0.2, 0.2, 0.2})), .inner = {}};
+  RobotPart box{.moves_with = 1, .points = PointsOf(BoxMesh({0.2, 0.2, 0.2})), .inner = {}};
+  // Its six edges do not fill two vectors.
+  RobotPart tetrahedron = box;
+  tetrahedron.points = 0.2 * Eigen::Matrix3Xd::Identity(3, 4);
   std::vector<PartDrawer> views;
   std::vector<std::optional<Mask>> planes;
   for (int view = 0; view < 4; ++view) {
     views.emplace_back(CameraAbout(random), MaskSize{64, 64});
     planes.emplace_back(~Mask(MaskSize{64, 64}));
   }
-  const auto robot = std::make_shared<const DrawnRobot>(chain, std::vector<RobotPart>{part}, views);
+  const auto robot =
+      std::make_shared<const DrawnRobot>(chain, std::vector<RobotPart>{box, tetrahedron}, views);
   const DrawnChecker checker(robot, planes);
   DrawnCheckScratch scratch;
   for (const double far : {1.0, 1e30, -1e30, 1e38, -1e39, 1e200, -1e300}) {

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -44,7 +46,35 @@ Matrix3Xd RandomPoints(Random& random) {
     }
     points.col(i) = p.cwiseProduct(size);
   }
+  if (random() % 2 == 0) return points;
+  // Turned, and as files of single precision or with errors of rounding have them.
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(Uniform(random, -3, 3), RandomPlace(random).normalized())
+          .toRotationMatrix();
+  points = (turn * points).eval();
+  if (random() % 2 == 0) return points.cast<float>().cast<double>();
+  const double error = std::pow(10, Uniform(random, -17, -6));
+  for (auto point : points.colwise()) point += error * RandomPlace(random);
   return points;
+}
+
+// Outside the hull of points in a ball; now and then in, or nearly in, the plane of three of them.
+Vector3d RandomEye(Random& random, const Matrix3Xd& points) {
+  const Vector3d middle = points.rowwise().mean();
+  const double round = (points.colwise() - middle).colwise().norm().maxCoeff();
+  const double distance = 0.1 + (1.05 + Uniform(random, 0, 3)) * round;
+  const Vector3d eye = middle + distance * RandomPlace(random).normalized();
+  if (random() % 2 == 0) return eye;
+  const auto any = [&]() -> Vector3d {
+    return points.col(static_cast<Eigen::Index>(random() % static_cast<size_t>(points.cols())));
+  };
+  const Vector3d on = any();
+  const Vector3d normal = (any() - on).cross(any() - on);
+  if (!(normal.norm() > 1e-6)) return eye;
+  const Vector3d in_plane = eye - normal.normalized() * normal.normalized().dot(eye - on);
+  if ((in_plane - middle).norm() < 1.05 * round + 0.05) return eye;
+  const double off = random() % 2 == 0 ? 0 : std::pow(10, Uniform(random, -10, -5));
+  return in_plane + off * normal.normalized();
 }
 
 // What is between the ends of a line at a height.
@@ -68,12 +98,7 @@ TEST(HullEdges, OutlineIsThatOfTheWholeHullFromEveryEye) {
     const Matrix3Xd points = RandomPoints(random);
     const HullEdges edges(points);
     const Vector3d middle = points.rowwise().mean();
-    const double round = (points.colwise() - middle).colwise().norm().maxCoeff();
-    // Now and then in the plane of faces.
-    Vector3d away = RandomPlace(random);
-    if (trial % 5 == 0) away[static_cast<Eigen::Index>(random() % 3)] = 0;
-    const double distance = 0.1 + (1.05 + Uniform(random, 0, 3)) * round;
-    const Vector3d eye = middle + distance * away.normalized();
+    const Vector3d eye = RandomEye(random, points);
     Eigen::Matrix3d turn;
     turn.row(2) = (middle - eye).normalized();
     turn.row(0) = turn.row(2).unitOrthogonal();

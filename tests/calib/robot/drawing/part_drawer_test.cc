@@ -294,6 +294,39 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
   EXPECT_GT(beside, static_cast<size_t>(SampleCount(1500)));
 }
 
+TEST(PartDrawer, MaskOfABodyWithKnownEdgesIsThatOfAllItsPoints) {
+  Random random;
+  size_t both = 0;
+  size_t differ = 0;
+  for (int trial = 0; trial < SampleCount(400); ++trial) {
+    const TriangleMesh mesh = RandomBody(random);
+    const PartDrawer drawer(RandomCamera(random, Isometry3d::Identity()), {64, 48});
+    const Isometry3d pose =
+        RandomPose(random, {Uniform(random, -1, 1), Uniform(random, -1, 1), Uniform(random, 1, 4)});
+    const double growth = trial % 2 == 0 ? 0 : std::pow(10, Uniform(random, -4, -2.5));
+    DrawingScratch scratch;
+    std::vector<uint64_t> words(drawer.size().words());
+    drawer.AddTouched(pose, PointsOf(mesh), {}, growth, scratch, words);
+    const Mask all = Mask::FromWords(drawer.size(), words);
+    const Mask by_edges = Touched(drawer, pose, PointsOf(mesh), growth);
+    both += (all & by_edges).Count();
+    differ += (all & ~by_edges).Count() + (by_edges & ~all).Count();
+  }
+  EXPECT_GT(both, static_cast<size_t>(SampleCount(4000)));
+  EXPECT_LE(differ, both / 10000);  // at the limit of a pixel, by rounding
+}
+
+TEST(PartDrawer, EdgesOfAnotherBodyAreNotUsed) {
+  const CameraModel camera({.width = 64, .height = 64, .fx = 50, .fy = 50, .cx = 31.5, .cy = 31.5});
+  const PartDrawer drawer(camera, {64, 64});
+  const Isometry3d pose(Eigen::Translation3d(0, 0, 1));
+  const Matrix3Xd points = PointsOf(BoxMesh({0.2, 0.2, 0.2}));
+  DrawingScratch scratch;
+  std::vector<uint64_t> words(drawer.size().words());
+  drawer.AddTouched(pose, points, HullEdges(PointsOf(CylinderMesh(0.1, 0.1))), 0, scratch, words);
+  EXPECT_EQ(Mask::FromWords(drawer.size(), words), Touched(drawer, pose, points, 0));
+}
+
 TEST(PartDrawer, BodyBehindTheCameraIsNotSeen) {
   const CameraModel camera({.width = 64, .height = 64, .fx = 50, .fy = 50, .cx = 31.5, .cy = 31.5});
   const PartDrawer drawer(camera, {64, 64});
