@@ -33,6 +33,63 @@ void AppendArc(const Vector2d& centre, double radius, const Vector2d& from, cons
 
 }  // namespace
 
+void DropInner(std::vector<Vector2d>& points, std::vector<double>& radii) {
+  constexpr size_t kCorners = 8;
+  if (points.size() <= kCorners) return;
+  const auto values = [](const Vector2d& p) {
+    return std::array<double, 4>{p.x(), p.x() + p.y(), p.y(), p.y() - p.x()};
+  };
+  std::array<double, 4> low = values(points.front());
+  std::array<double, 4> high = low;
+  for (const Vector2d& p : points) {
+    const std::array<double, 4> at = values(p);
+    for (size_t i = 0; i < 4; ++i) {
+      low[i] = std::min(low[i], at[i]);
+      high[i] = std::max(high[i], at[i]);
+    }
+  }
+  Vector2d corners[kCorners];  // counter-clockwise
+  std::fill_n(corners, kCorners, points.front());
+  for (const Vector2d& p : points) {
+    const std::array<double, 4> at = values(p);
+    for (size_t i = 0; i < 4; ++i) {
+      if (at[i] == high[i]) corners[i] = p;
+      if (at[i] == low[i]) corners[i + 4] = p;
+    }
+  }
+  Vector2d normals[kCorners];  // inwards
+  Vector2d from[kCorners];  // a corner on each side: exactly 0 from it, also with fused arithmetic
+  size_t sides = 0;
+  for (size_t i = 0; i < kCorners; ++i) {
+    const Vector2d along = corners[(i + 1) % kCorners] - corners[i];
+    if (along.x() == 0 && along.y() == 0) continue;
+    normals[sides] = {-along.y(), along.x()};
+    from[sides] = corners[i];
+    ++sides;
+  }
+  if (sides == 0) return;  // all points are one
+  const double least = radii.empty() ? 0 : *std::ranges::min_element(radii);
+  double lengths[kCorners] = {};
+  for (size_t i = 0; i < sides && !radii.empty(); ++i) lengths[i] = normals[i].norm();
+  size_t kept = 0;
+  for (size_t at = 0; at < points.size(); ++at) {
+    const Vector2d p = points[at];
+    // The octagon holds circles of the least radius about all of its points.
+    const double more = radii.empty() ? 0 : radii[at] - least;
+    bool inside = true;
+    for (size_t i = 0; i < sides; ++i) {
+      inside &= normals[i].x() * (p.x() - from[i].x()) + normals[i].y() * (p.y() - from[i].y()) >
+                more * lengths[i];
+    }
+    if (inside) continue;
+    points[kept] = p;
+    if (!radii.empty()) radii[kept] = radii[at];
+    ++kept;
+  }
+  points.resize(kept);
+  if (!radii.empty()) radii.resize(kept);
+}
+
 void ConvexHull(std::vector<Vector2d>& points, std::vector<Vector2d>& hull) {
   std::sort(points.begin(), points.end(), [](const Vector2d& a, const Vector2d& b) {
     return a.x() < b.x() || (a.x() == b.x() && a.y() < b.y());

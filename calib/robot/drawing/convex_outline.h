@@ -13,6 +13,11 @@ inline double CrossOf(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return a.x() * b.y() - a.y() * b.x();
 }
 
+// Drops points that are not on the hull for certain: those inside the octagon of the points that
+// are farthest out. `radii`, if there are any: of circles about the points, of whose hull it is.
+// Nothing changes but how long ConvexHull takes.
+void DropInner(std::vector<Eigen::Vector2d>& points, std::vector<double>& radii);
+
 // The convex hull of `points`, at least one, which are sorted. One or two points if they are all at
 // one place or on a line.
 void ConvexHull(std::vector<Eigen::Vector2d>& points, std::vector<Eigen::Vector2d>& hull);

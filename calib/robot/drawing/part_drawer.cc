@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "calib/robot/drawing/convex_outline.h"
+#include "calib/robot/drawing/projection.h"
 #include "db/mask/wider_vectors.h"
 
 namespace silhouette {
@@ -29,65 +30,6 @@ constexpr size_t kMoreRows = 3;     // below the image: what is left of a vector
 int CeilOf(double x) {
   const int whole = static_cast<int>(x);
   return whole < x ? whole + 1 : whole;
-}
-
-// Drops points that are not on the hull for certain: those inside the octagon of the points that
-// are farthest out. `radii`, if there are any: of circles about the points, of whose hull it is.
-void DropInner(std::vector<Vector2d>& points, std::vector<double>& radii) {
-  constexpr size_t kCorners = 8;
-  if (points.size() <= kCorners) return;
-  const auto values = [](const Vector2d& p) {
-    return std::array<double, 4>{p.x(), p.x() + p.y(), p.y(), p.y() - p.x()};
-  };
-  std::array<double, 4> low = values(points.front());
-  std::array<double, 4> high = low;
-  for (const Vector2d& p : points) {
-    const std::array<double, 4> at = values(p);
-    for (size_t i = 0; i < 4; ++i) {
-      low[i] = std::min(low[i], at[i]);
-      high[i] = std::max(high[i], at[i]);
-    }
-  }
-  Vector2d corners[kCorners];  // counter-clockwise
-  std::fill_n(corners, kCorners, points.front());
-  for (const Vector2d& p : points) {
-    const std::array<double, 4> at = values(p);
-    for (size_t i = 0; i < 4; ++i) {
-      if (at[i] == high[i]) corners[i] = p;
-      if (at[i] == low[i]) corners[i + 4] = p;
-    }
-  }
-  Vector2d normals[kCorners];  // inwards
-  Vector2d from[kCorners];  // a corner on each side: exactly 0 from it, also with fused arithmetic
-  size_t sides = 0;
-  for (size_t i = 0; i < kCorners; ++i) {
-    const Vector2d along = corners[(i + 1) % kCorners] - corners[i];
-    if (along.x() == 0 && along.y() == 0) continue;
-    normals[sides] = {-along.y(), along.x()};
-    from[sides] = corners[i];
-    ++sides;
-  }
-  if (sides == 0) return;  // all points are one
-  const double least = radii.empty() ? 0 : *std::ranges::min_element(radii);
-  double lengths[kCorners] = {};
-  for (size_t i = 0; i < sides && !radii.empty(); ++i) lengths[i] = normals[i].norm();
-  size_t kept = 0;
-  for (size_t at = 0; at < points.size(); ++at) {
-    const Vector2d p = points[at];
-    // The octagon holds circles of the least radius about all of its points.
-    const double more = radii.empty() ? 0 : radii[at] - least;
-    bool inside = true;
-    for (size_t i = 0; i < sides; ++i) {
-      inside &= normals[i].x() * (p.x() - from[i].x()) + normals[i].y() * (p.y() - from[i].y()) >
-                more * lengths[i];
-    }
-    if (inside) continue;
-    points[kept] = p;
-    if (!radii.empty()) radii[kept] = radii[at];
-    ++kept;
-  }
-  points.resize(kept);
-  if (!radii.empty()) radii.resize(kept);
 }
 
 void RequireWords(MaskSize size, size_t points, size_t words) {
@@ -159,102 +101,7 @@ double Checked(double margin) {
   throw std::invalid_argument("the margin of the calibration must not be negative");
 }
 
-// Where points are in the camera's frame, and at z = 1.
-struct Extremes {
-  double sum = 0;  // of all numbers' sizes: finite if all are, or too large for a body
-  double nearest = 0;
-  double farthest = 0;
-  double off_axis = 0;          // at z = 1, squared
-  std::array<double, 4> low{};  // of x, y, x + y, x - y at z = 1
-  std::array<double, 4> high{};
-};
-
 }  // namespace
-
-// Stores x and y of the first `lanes` in turn.
-static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double* to) {
-  const Four pairs[2] = {__builtin_shufflevector(x, y, 0, 4, 1, 5),
-                         __builtin_shufflevector(x, y, 2, 6, 3, 7)};
-  if (lanes == 4) {
-    std::memcpy(to, pairs, sizeof pairs);
-  } else {
-    for (size_t i = 0; i < 2 * lanes; ++i) to[i] = pairs[i / 4][i % 4];
-  }
-}
-
-// `turn`, row by row, and `move` take `from`, at least one point, into the camera's frame.
-// `projected`: of each point, at z = 1.
-SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const double* move,
-                                                       const double* from, size_t count,
-                                                       double* projected) {
-  const Four zero = {};
-  const Four infinity = zero + std::numeric_limits<double>::infinity();
-  Four sum = zero;
-  Four least[5] = {infinity, infinity, infinity, infinity, infinity};
-  Four most[5] = {-infinity, -infinity, -infinity, -infinity, -infinity};
-  Four off_axis = zero;
-  for (size_t begin = 0; begin < count; begin += 4) {
-    const size_t lanes = std::min<size_t>(4, count - begin);
-    const double* at = from + 3 * begin;
-    Four of[3];
-    for (size_t i = 0; i < 3; ++i) {
-      // The last one again, up to a whole vector.
-      of[i] = lanes == 4 ? Four{at[i], at[i + 3], at[i + 6], at[i + 9]}
-                         : Four{at[i], at[3 * (lanes / 2) + i], at[3 * (lanes - 1) + i],
-                                at[3 * (lanes - 1) + i]};
-    }
-    Four to[3];
-    for (size_t i = 0; i < 3; ++i) {
-      to[i] = turn[3 * i] * of[0] + turn[3 * i + 1] * of[1] + turn[3 * i + 2] * of[2] + move[i];
-      sum += to[i] < 0 ? -to[i] : to[i];
-    }
-    const Four inverse = 1 / to[2];
-    const Four x = to[0] * inverse;
-    const Four y = to[1] * inverse;
-    const Four square = x * x + y * y;
-    off_axis = off_axis > square ? off_axis : square;
-    const Four along[5] = {x, y, x + y, x - y, to[2]};
-    for (int i = 0; i < 5; ++i) {
-      least[i] = along[i] < least[i] ? along[i] : least[i];
-      most[i] = along[i] > most[i] ? along[i] : most[i];
-    }
-    StorePairs(x, y, lanes, projected + 2 * begin);
-  }
-  const auto min = [](const Four& v) { return std::min({v[0], v[1], v[2], v[3]}); };
-  const auto max = [](const Four& v) { return std::max({v[0], v[1], v[2], v[3]}); };
-  Extremes found{.sum = sum[0] + sum[1] + sum[2] + sum[3],
-                 .nearest = min(least[4]),
-                 .farthest = max(most[4]),
-                 .off_axis = max(off_axis)};
-  for (size_t i = 0; i < 4; ++i) {
-    found.low[i] = min(least[i]);
-    found.high[i] = max(most[i]);
-  }
-  return found;
-}
-
-// Where the image shows points at z = 1, one after the other; `focal`, `centre`: along x and y.
-SILHOUETTE_WIDER_VECTORS static void PixelsOf(const double* lens, bool rational,
-                                              const double* focal, const double* centre,
-                                              const double* projected, size_t count,
-                                              double* pixels) {
-  for (size_t begin = 0; begin < count; begin += 4) {
-    const size_t lanes = std::min<size_t>(4, count - begin);
-    Four pairs[2] = {};
-    if (lanes == 4) {
-      std::memcpy(pairs, projected + 2 * begin, sizeof pairs);
-    } else {
-      for (size_t i = 0; i < 2 * lanes; ++i) pairs[i / 4][i % 4] = projected[2 * begin + i];
-    }
-    const Four u = __builtin_shufflevector(pairs[0], pairs[1], 0, 2, 4, 6);
-    const Four v = __builtin_shufflevector(pairs[0], pairs[1], 1, 3, 5, 7);
-    Four bent_u;
-    Four bent_v;
-    DistortLanes(lens, rational, u, v, bent_u, bent_v);
-    StorePairs(focal[0] * bent_u + centre[0], focal[1] * bent_v + centre[1], lanes,
-               pixels + 2 * begin);
-  }
-}
 
 // Widens rows, `first_at` and further below the top of a line, to what the line covers of them,
 // `reach` above and below. `low`, `high`: beside the line's top.
@@ -284,20 +131,6 @@ SILHOUETTE_WIDER_VECTORS static void WidenRows(std::pair<int, int> rows, double 
 }
 
 namespace {
-
-Extremes ProjectInto(const Eigen::Isometry3d& camera_from_body, const double* from, size_t count,
-                     DrawingScratch& scratch) {
-  double turn[9];
-  double move[3];
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      turn[3 * row + column] = camera_from_body(row, column);
-    }
-    move[row] = camera_from_body(row, 3);
-  }
-  scratch.projected.resize(count);
-  return ProjectPoints(turn, move, from, count, scratch.projected.data()->data());
-}
 
 void PlacePoints(const Eigen::Isometry3d& camera_from_body, const Eigen::Matrix3Xd& points,
                  DrawingScratch& scratch) {
@@ -463,15 +296,8 @@ void PartDrawer::BeginRows(DrawingScratch& scratch) const {
 
 void PartDrawer::TraceEdges(const HullEdges& edges, const Vector3d& eye,
                             DrawingScratch& scratch) const {
-  const CameraIntrinsics& in = camera_.intrinsics();
-  const double focal[2] = {in.fx, in.fy};
-  const double centre[2] = {in.cx, in.cy};
-  const auto& lens = in.distortion;
-  const bool rational = lens[5] != 0 || lens[6] != 0 || lens[7] != 0;
   const std::vector<Vector2d>& projected = scratch.projected;
-  scratch.pixels.resize(projected.size());
-  PixelsOf(lens.data(), rational, focal, centre, projected.data()->data(), projected.size(),
-           scratch.pixels.data()->data());
+  PixelsAt(camera_.intrinsics(), projected, scratch.pixels);
   BeginRows(scratch);
   edges.ForOutline(eye, [&](uint32_t a, uint32_t b) {
     TraceEdge(projected[a], projected[b], scratch.pixels[a], scratch.pixels[b], scratch);
@@ -498,8 +324,7 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
   const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
-  Extremes seen =
-      ProjectInto(camera_from_body, points.data(), static_cast<size_t>(points.cols()), scratch);
+  Extremes seen = Project(camera_from_body, points, scratch.projected);
   if (!std::isfinite(seen.sum) || !std::isfinite(window_.scale()) ||
       !std::isfinite(window_.bend())) {
     return Extent::kAll;
@@ -511,8 +336,9 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
     PlacePoints(camera_from_body, points, scratch);
     if (!CutNearPlane(growth, least, scratch)) return Extent::kAll;
     if (scratch.points.empty()) return Extent::kNothing;
-    seen = ProjectInto(Eigen::Isometry3d::Identity(), scratch.points.data()->data(),
-                       scratch.points.size(), scratch);
+    const Eigen::Map<const Eigen::Matrix3Xd> before(
+        scratch.points.data()->data(), 3, static_cast<Eigen::Index>(scratch.points.size()));
+    seen = Project(Eigen::Isometry3d::Identity(), before, scratch.projected);
   }
   // What a ball's image reaches is between radius / depth and this: ReachOfBall.
   scratch.most_reach = growth * std::sqrt(1 + seen.off_axis) / (seen.nearest - growth);
@@ -583,8 +409,8 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
                             const Eigen::Matrix3Xd& points, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
-  const Extremes seen = ProjectInto(camera_.camera_from_world() * world_from_body, points.data(),
-                                    static_cast<size_t>(points.cols()), scratch);
+  const Extremes seen =
+      Project(camera_.camera_from_world() * world_from_body, points, scratch.projected);
   if (!std::isfinite(seen.sum) || seen.nearest < kNear) return;
   ConvexHull(scratch.projected, scratch.hull);
   if (scratch.hull.size() < 3) return;

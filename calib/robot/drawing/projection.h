@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a camera sees many points. Uses the standard library and Eigen alone. Results replace what
+// their vector held; nothing allocates once it has the room.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <vector>
+
+#include "calib/camera/camera_model.h"
+
+namespace silhouette {
+
+// Where points are in the camera's frame, and at z = 1.
+struct Extremes {
+  double sum = 0;  // of all numbers' sizes: finite if all are, or too large for a body
+  double nearest = 0;
+  double farthest = 0;
+  double off_axis = 0;          // at z = 1, squared
+  std::array<double, 4> low{};  // of x, y, x + y, x - y at z = 1
+  std::array<double, 4> high{};
+};
+
+// `points`: at least one, as columns. `projected`: of each, at z = 1.
+Extremes Project(const Eigen::Isometry3d& camera_from_points,
+                 const Eigen::Ref<const Eigen::Matrix3Xd>& points,
+                 std::vector<Eigen::Vector2d>& projected);
+
+// PixelAt of each point at z = 1.
+void PixelsAt(const CameraIntrinsics& intrinsics, const std::vector<Eigen::Vector2d>& projected,
+              std::vector<Eigen::Vector2d>& pixels);
+
+}  // namespace silhouette
