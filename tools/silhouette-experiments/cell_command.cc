@@ -34,6 +34,7 @@ struct CellArguments {
   std::string images = "captured";
   PartSettings parts;
   std::vector<std::string> presets;
+  std::vector<int> min_views;
   int scenes = 120;
   int hidden = 10;
   int leave = 0;
@@ -134,7 +135,7 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
                            bool calibrated) {
   ASSIGN_OR_RETURN(const auto served, workplace.Serve(database, settings));
   if (!served->margins_known().ok()) return served->margins_known();
-  ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, *served));
+  ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, arguments.min_views, *served));
   std::erase_if(policies, [&](const Policy& policy) {
     return calibrated && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
   });
@@ -451,6 +452,11 @@ void AddCellCommand(CLI::App& program, Run& run) {
   for (const Preset preset : AllPresets()) presets.push_back(NameOf(preset));
   command->add_option("--presets", arguments->presets, "Only these presets; default: all")
       ->check(CLI::IsMember(presets))
+      ->delimiter(',');
+  command
+      ->add_option("--min-views", arguments->min_views,
+                   "How many views must show an obstacle, one or several numbers; default: as the\n"
+                   "preset has it. Not for the sound presets, which ask all views")
       ->delimiter(',');
   command
       ->add_option("--margin", arguments->serve.margin,

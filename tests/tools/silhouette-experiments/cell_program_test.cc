@@ -65,6 +65,23 @@ TEST_F(CellExperimentProgram, CapturesMeasuresExplainsAndDraws) {
   EXPECT_EQ(Run(options).out, first.out) << "the same seed, the same answer";
 }
 
+TEST_F(CellExperimentProgram, MoreViewsThatMustShowAnObstacleBlockLessAndMissMore) {
+  const std::string options = "--scenes 2 --hidden 0 --off-grid 0 --pictures 0 --format json ";
+  const Outcome outcome =
+      Run(options + "--presets uncalibrated,sound --min-views 1,2 --least-obstacle 0.2");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto rows = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(rows.size(), 3u) << "sound asks all views";
+  EXPECT_EQ(rows[0]["min_views"], 1);
+  EXPECT_EQ(rows[1]["min_views"], 2);
+  EXPECT_GT(rows[0]["additional_percent"], rows[1]["additional_percent"]);
+  EXPECT_LE(rows[0]["missing_count"], rows[1]["missing_count"]);
+
+  const Outcome beyond = Run(options + "--min-views 3");
+  EXPECT_EQ(beyond.exit_code, 2);
+  EXPECT_THAT(beyond.err, HasSubstr("min_views is 3, and the database has 2 views"));
+}
+
 TEST_F(CellExperimentProgram,
        SmallThingsNearTheRobotHaveATableForEachSizeAndDistanceAndOneWithoutThem) {
   const Outcome outcome =

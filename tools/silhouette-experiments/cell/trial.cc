@@ -159,8 +159,15 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
 }
 
 absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
+                                                const std::vector<int>& min_views,
                                                 const ServedDatabase& database) {
   const int views = database.views();
+  for (const int threshold : min_views) {
+    if (threshold < 1 || threshold > views) {
+      return InvalidArgument("min_views is ", threshold, ", and the database has ", views,
+                             " views; state 1 to ", views);
+    }
+  }
   std::vector<Policy> policies;
   for (const Preset preset : AllPresets()) {
     const bool named = std::ranges::count(presets, NameOf(preset)) > 0;
@@ -169,13 +176,22 @@ absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& 
       if (named) return status;
       continue;
     }
-    for (const int min_views : {views - 1, views}) {
-      if (min_views == 0) continue;
+    if (IsSound(preset)) {
+      policies.push_back({.preset = preset, .min_views = views});
+      continue;
+    }
+    if (!min_views.empty()) {
+      for (const int threshold : min_views) {
+        policies.push_back({.preset = preset, .min_views = threshold});
+      }
+      continue;
+    }
+    for (const int threshold : {views - 1, views}) {
+      if (threshold == 0) continue;
       // Without a calibration the two presets differ in nothing else.
-      if (preset == Preset::kUncalibrated && min_views == views && views > 1) continue;
-      if (preset == Preset::kPaper && min_views < views) continue;
-      if (IsSound(preset) && min_views < views) continue;
-      policies.push_back({.preset = preset, .min_views = min_views});
+      if (preset == Preset::kUncalibrated && threshold == views && views > 1) continue;
+      if (preset == Preset::kPaper && threshold < views) continue;
+      policies.push_back({.preset = preset, .min_views = threshold});
     }
   }
   return policies;

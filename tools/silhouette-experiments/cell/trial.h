@@ -83,9 +83,12 @@ std::vector<Configuration> PresentConfigurations(const ServedDatabase& database)
 // Uses both cores where there are two.
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number);
 
-// The named presets with the thresholds that they can have, n - 1 and n of n views. Without names:
-// all presets that the database can serve. FailedPrecondition if a named preset cannot be served.
+// The named presets with the thresholds that they can have, n - 1 and n of n views; or those of
+// `min_views`, but the sound presets, which ask all views. Without names: all presets that the
+// database can serve. FailedPrecondition if a named preset cannot be served. InvalidArgument: the
+// database has fewer views.
 absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
+                                                const std::vector<int>& min_views,
                                                 const ServedDatabase& database);
 
 }  // namespace silhouette::cell_experiment
