@@ -35,8 +35,7 @@
 namespace silhouette {
 
 struct RobotSettings {
-  std::string urdf;                         // path; empty: bare joints
-  std::shared_ptr<const RobotModel> model;  // of `urdf`; null: bare joints
+  std::shared_ptr<const RobotModel> model;  // null: bare joints
   RobotDriver driver;
   // How far, in metres, tool and payload reach beyond the model's last link.
   double payload_radius = 0;

@@ -144,8 +144,7 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   if (robot.settings.drawn && !urdf)
     images->Fail("images are drawn from the robot's model; state urdf");
   if (urdf) {
-    robot.settings.urdf = ResolvePath(folder, urdf->As<std::string>());
-    auto model = RobotModel::FromUrdf(robot.settings.urdf, package_paths);
+    auto model = RobotModel::FromUrdf(ResolvePath(folder, urdf->As<std::string>()), package_paths);
     if (!model.ok()) urdf->Fail(std::string(model.status().message()));
     robot.settings.model = std::make_shared<const RobotModel>(*std::move(model));
   }

@@ -95,7 +95,8 @@ absl::StatusOr<std::unique_ptr<Video>> OpenVideo(const PeopleArguments& argument
 absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study& study,
                                                 Video& video) {
   const std::string& method = study.methods.front();
-  ASSIGN_OR_RETURN(Counts counts, RunEpisode(stage, study.episode, 0, method, &video));
+  ASSIGN_OR_RETURN(Counts counts,
+                   RunEpisode(stage, study.episode, 0, method, StopRequested, &video));
   return std::vector<EpisodeResult>{{0, method, std::move(counts)}};
 }
 

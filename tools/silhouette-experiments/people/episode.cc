@@ -67,7 +67,7 @@ class Episode {
                       StreamOf(settings.seed, static_cast<uint64_t>(episode), 3));
   }
 
-  absl::StatusOr<Counts> Run() {
+  absl::StatusOr<Counts> Run(const Stop& stop) {
     const double began = ThreadSeconds();
     counts_.episodes = 1;
     const auto ticks = static_cast<int64_t>(std::round(settings_.seconds / kTick));
@@ -75,6 +75,7 @@ class Episode {
       now_ = kTick * static_cast<double>(tick);
       truth_.Set(people_, times_);
       if (tick % kTicksOfDecision == 0) {
+        if (Stopped(stop)) return absl::CancelledError("stopped; the same command goes on");
         RETURN_IF_ERROR(Decide());
         if (video_ != nullptr) Film();
       }
@@ -332,9 +333,9 @@ absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,
 }
 
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
-                                  const std::string& method, Video* video) {
+                                  const std::string& method, const Stop& stop, Video* video) {
   const std::unique_ptr<Method> chosen = MakeMethod(method, stage.rule());
-  return Episode(stage, settings, episode, *chosen, video).Run();
+  return Episode(stage, settings, episode, *chosen, video).Run(stop);
 }
 
 }  // namespace silhouette::people_experiment

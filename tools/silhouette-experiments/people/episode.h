@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/collision/stop.h"
 #include "server/scene/served_database.h"
 #include "tools/silhouette-experiments/people/counts.h"
 #include "tools/silhouette-experiments/people/method.h"
@@ -54,9 +55,11 @@ class Stage {
 double ReachOf(const SimulatedWorkplace& workplace);
 
 // The same arguments give the same result, but for processor_seconds. `video`: gets what the
-// cameras see in a rendered episode; null: none. Errors of MakeScene and RenderedCell::Look.
+// cameras see in a rendered episode; null: none. Cancelled: `stop`, asked at every decision, says
+// so. Errors of MakeScene and RenderedCell::Look.
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
-                                  const std::string& method, Video* video = nullptr);
+                                  const std::string& method, const Stop& stop = nullptr,
+                                  Video* video = nullptr);
 // Pictures of a video that is as fast as the episode.
 inline constexpr double kVideoRate = 10;
 

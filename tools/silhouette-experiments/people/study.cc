@@ -111,21 +111,12 @@ absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const St
   absl::Status status;
   ParallelWhile(left.size(), [&](size_t i) {
     const auto& [episode, method] = left[i];
-    absl::Status worked =
-        stop() ? absl::CancelledError("stopped; the same command goes on") : absl::OkStatus();
-    size_t count = 0;
-    if (worked.ok()) {
-      auto counts = RunEpisode(stage, study.episode, episode, method);
-      worked = counts.status();
-      if (counts.ok()) {
-        const auto kept = keeper.Keep({episode, method, *std::move(counts)});
-        worked = kept.status();
-        if (kept.ok()) count = *kept;
-      }
-    }
+    auto counts = RunEpisode(stage, study.episode, episode, method, stop);
+    const absl::StatusOr<size_t> kept =
+        counts.ok() ? keeper.Keep({episode, method, *std::move(counts)}) : counts.status();
     const std::lock_guard lock(mutex);
-    status.Update(worked);
-    if (worked.ok()) progress(count);
+    status.Update(kept.status());
+    if (kept.ok()) progress(*kept);
     return status.ok();
   });
   RETURN_IF_ERROR(status);

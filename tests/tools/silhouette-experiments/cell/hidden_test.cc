@@ -131,7 +131,7 @@ TEST_F(HiddenObstacles, AreFoundByARobotOfOpenMeshesWhichDoesNotBlockAll) {
       << "v -0.5 -0.5 -0.5\nv 0.5 -0.5 -0.5\nv 0.5 0.5 -0.5\nv -0.5 0.5 -0.5\n"
          "v -0.5 -0.5 0.5\nv 0.5 -0.5 0.5\nv 0.5 0.5 0.5\nv -0.5 0.5 0.5\n"
          "f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n";
-  std::ifstream in(workplace_->cell().robot.urdf);
+  std::ifstream in(SourceFolder() + "/capture/sim/robots/rx130_hood.urdf");
   std::string urdf((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   urdf = std::regex_replace(urdf, std::regex("<box size=(?=\"[^\"]*0\\.02)"),
                             "<mesh filename=\"open.obj\" scale=");

@@ -177,6 +177,14 @@ TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
             absl::StatusCode::kFailedPrecondition);
 }
 
+TEST_F(PeopleTest, EpisodeStopsAtItsNextDecision) {
+  int asked = 0;
+  const auto counts =
+      RunEpisode(*stage_, settings_, 0, "light_curtain", [&] { return ++asked == 3; });
+  EXPECT_EQ(counts.status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(asked, 3);
+}
+
 TEST_F(PeopleTest, JsonNamesTheMethodsAndTheirFigures) {
   settings_.seconds = 2;
   const std::vector<std::string> methods = {"light_curtain", "oracle"};
