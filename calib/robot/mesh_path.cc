@@ -6,8 +6,11 @@
 #include <cctype>
 #include <filesystem>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "db/status/status_macros.h"
@@ -69,7 +72,8 @@ absl::StatusOr<std::string> InPackage(const std::string& name, const std::string
   }
   if (!found.empty()) {
     return NotFound("the mesh '", name, "' was not found: '", found.string(), "' has no '", inside,
-                    "'; correct the name, or add the folder that holds another package '", package,
+                    "'", InOtherCase((found / inside).string()),
+                    "; correct the name, or add the folder that holds another package '", package,
                     "' to package_paths");
   }
   return NotFound("the mesh '", name, "' was not found; add the folder that holds the package '",
@@ -94,6 +98,25 @@ absl::StatusOr<std::string> MeshPath(const std::string& as_written, const std::s
   return InvalidArgument("the mesh '", name,
                          "' cannot be fetched; copy it here, and name it by its path, by file:// "
                          "or by package://");
+}
+
+std::string InOtherCase(const std::string& path) {
+  fs::path found;
+  for (const fs::path& part : fs::absolute(path).lexically_normal()) {
+    std::error_code error;
+    fs::path next = found / part;
+    if (!fs::exists(next, error)) {
+      next.clear();
+      for (const fs::directory_entry& entry : fs::directory_iterator(found, error)) {
+        if (absl::EqualsIgnoreCase(entry.path().filename().string(), part.string())) {
+          next = entry.path();
+        }
+      }
+      if (next.empty()) return "";
+    }
+    found = next;
+  }
+  return absl::StrCat("; there is '", found.string(), "', in other upper and lower case");
 }
 
 }  // namespace silhouette

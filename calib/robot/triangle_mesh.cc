@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/triangle_mesh.h"
+#include "calib/robot/mesh_path.h"
 #include "calib/robot/whole_mesh.h"
 #include "db/status/status_macros.h"
 
@@ -130,7 +131,8 @@ bool IsLfsPointer(const std::string& path) {
 
 absl::StatusOr<TriangleMesh> LoadMesh(const std::string& path, const Eigen::Vector3d& scale) {
   if (!std::filesystem::is_regular_file(path)) {
-    return NotFound("the mesh '" + path + "' does not exist; correct its name in the URDF");
+    return NotFound("the mesh '", path, "' does not exist", InOtherCase(path),
+                    "; correct its name in the URDF");
   }
   if (IsLfsPointer(path)) {
     return InvalidArgument("the mesh '" + path + "' is a pointer to the mesh: git lfs pull");

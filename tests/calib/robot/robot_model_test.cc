@@ -156,6 +156,20 @@ TEST(RobotModel, MeshesAreFoundByAllNamesThatUrdfsHaveForThem) {
   EXPECT_THAT(message("https://example.org/a.stl"), HasSubstr("cannot be fetched; copy it here"));
 }
 
+TEST(RobotModel, MeshInOtherUpperAndLowerCaseIsNamed) {
+  const auto folder = FreshFolder() / "arm";
+  WriteFile(folder / "Meshes" / "Link1.STL", TetrahedronStl());
+  for (const std::string name : {"meshes/link1.stl", "package://arm/meshes/link1.stl"}) {
+    const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh(name)));
+    EXPECT_THAT(std::string(robot.status().message()),
+                HasSubstr("arm/Meshes/Link1.STL', in other upper and lower case; correct"));
+  }
+  const auto other =
+      RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh("meshes/link2.stl")));
+  EXPECT_THAT(std::string(other.status().message()),
+              HasSubstr("meshes/link2.stl' does not exist; correct"));
+}
+
 TEST(RobotModel, PackageIsFoundByTheNameInItsManifest) {
   const auto folder = FreshFolder() / "Arm_ROS2_Description";
   WriteFile(folder / "package.xml",
