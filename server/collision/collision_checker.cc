@@ -279,7 +279,8 @@ bool CollisionChecker::SomethingPossible(const TestRobot& test_robot, const Aske
   const bool possible = possible_space_->PlanesMeet(robot, min_views_, body) &&
                         (!voxels_decide_ || possible_space_->VoxelsMeet(robot, min_views_, body));
   if (!possible || !robot_may_meet_) return possible;
-  return robot_may_meet_(asked.places.from, asked.places.to);
+  return possible_space_->PlainMeet(robot, body) ||
+         robot_may_meet_(asked.places.from, asked.places.to);
 }
 
 int CollisionChecker::ShowingAlongLines(const TestRobot& test_robot, int showing) const {

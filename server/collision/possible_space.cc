@@ -125,10 +125,11 @@ class PartPlanes {
 // Which voxels a robot is seen with.
 class RobotQuery {
  public:
-  // `may_miss`: the number of views in which it need not be seen.
-  RobotQuery(const VoxelSpace& space, const CollisionImages& possible_pixels,
+  // `pixels`: those in which it is looked for. `may_miss`: the number of views in which it need not
+  // be seen.
+  RobotQuery(const VoxelSpace& space, const CollisionImages& pixels,
              std::span<const MaskWords> robot, int may_miss)
-      : space_(space), possible_pixels_(possible_pixels), robot_(robot), may_miss_(may_miss) {}
+      : space_(space), pixels_(pixels), robot_(robot), may_miss_(may_miss) {}
 
   bool MeetsBlock(size_t slot) const {
     return Meets([&](const VoxelSpace::Look& look) { return look.block_touched[slot]; });
@@ -142,12 +143,12 @@ class RobotQuery {
   bool Meets(PixelsIn pixels_in) const {
     int missed = 0;
     for (size_t view = 0; view < robot_.size(); ++view) {
-      const std::optional<Mask>& possible = possible_pixels_[view];
-      if (!possible) continue;
+      const std::optional<Mask>& wanted = pixels_[view];
+      if (!wanted) continue;
       const PixelRectangle pixels = pixels_in(space_.look(static_cast<int>(view)));
-      const MaskSize size = possible->size();
+      const MaskSize size = wanted->size();
       // Where the robot meets an obstacle, the pixel is the robot's and not background.
-      if (AnyCommon(robot_[view], possible->words(), size.width, pixels)) continue;
+      if (AnyCommon(robot_[view], wanted->words(), size.width, pixels)) continue;
       if (!pixels.whole && MayReachBeyond(robot_[view], size)) continue;
       if (++missed > may_miss_) return false;
     }
@@ -155,7 +156,7 @@ class RobotQuery {
   }
 
   const VoxelSpace& space_;
-  const CollisionImages& possible_pixels_;
+  const CollisionImages& pixels_;
   std::span<const MaskWords> robot_;
   int may_miss_;
 };
@@ -302,7 +303,9 @@ PossibleVoxels::PossibleVoxels(const VoxelSpace& space, const ObstacleImages& im
 PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
                              const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed,
                              int max_occluded_views)
-    : space_(space), voxels_(space, images, robot, allowed, max_occluded_views) {
+    : space_(space),
+      voxels_(space, images, robot, allowed, max_occluded_views),
+      max_occluded_views_(max_occluded_views) {
   plain_blocks_ = BlocksOf(voxels_.plain);
   centre_blocks_ = BlocksOf(voxels_.centres);
   FindParts(images);
@@ -311,8 +314,11 @@ PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& imag
 void PossibleSpace::FindParts(const ObstacleImages& images) {
   const auto views = static_cast<size_t>(space_.views());
   possible_pixels_.resize(views);
+  obstacle_pixels_.resize(views);
   for (size_t view = 0; view < views; ++view) {
-    if (images[view]) possible_pixels_[view] = ~images[view]->Background();
+    if (!images[view]) continue;
+    possible_pixels_[view] = ~images[view]->Background();
+    obstacle_pixels_[view] = images[view]->obstacle();
   }
   // Voxels inside a part are seen where its surface is, or where it is cut off.
   const VoxelSet surface = Surface(voxels_.remaining);
@@ -409,16 +415,26 @@ bool PossibleSpace::PlanesMeet(std::span<const MaskWords> robot, int min_views,
 
 bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
                                const MayTouch& body) const {
-  const RobotQuery query(space_, possible_pixels_, robot, space_.views() - min_views);
-  for (int slot : remaining_blocks_) {
+  return Meet(voxels_.remaining, remaining_blocks_, possible_pixels_, robot,
+              space_.views() - min_views, body);
+}
+
+bool PossibleSpace::PlainMeet(std::span<const MaskWords> robot, const MayTouch& body) const {
+  return Meet(voxels_.plain, plain_blocks_, obstacle_pixels_, robot, max_occluded_views_, body);
+}
+
+bool PossibleSpace::Meet(const VoxelSet& voxels, std::span<const int> blocks,
+                         const CollisionImages& pixels, std::span<const MaskWords> robot,
+                         int may_miss, const MayTouch& body) const {
+  const RobotQuery query(space_, pixels, robot, may_miss);
+  for (int slot : blocks) {
     const VoxelSpace::Block& block = space_.active()[static_cast<size_t>(slot)];
     if (!query.MeetsBlock(static_cast<size_t>(slot))) continue;
     if (body && !body(space_.BoxOf(block))) continue;
     for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge; ++row) {
       const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
       const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
-      for (unsigned left = voxels_.remaining.RowOfBlock(block.x, y, z); left != 0;
-           left &= left - 1) {
+      for (unsigned left = voxels.RowOfBlock(block.x, y, z); left != 0; left &= left - 1) {
         const int x = std::countr_zero(left);
         const size_t place = static_cast<size_t>(slot) * VoxelGrid::kBlockVoxels +
                              static_cast<size_t>(row * kPossibleSpaceEdge + x);
@@ -430,9 +446,8 @@ bool PossibleSpace::VoxelsMeet(std::span<const MaskWords> robot, int min_views,
   return false;
 }
 
-bool PossibleSpace::AnyMet(const MayTouch& touched, const MayTouch& met) const {
-  return BodyTouches(voxels_.plain, plain_blocks_, touched) ||
-         BodyTouches(voxels_.centres, centre_blocks_, met);
+bool PossibleSpace::AnyCentre(const MayTouch& met) const {
+  return BodyTouches(voxels_.centres, centre_blocks_, met);
 }
 
 bool PossibleSpace::VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y,

@@ -110,11 +110,14 @@ class PossibleSpace {
   bool VoxelsMeet(std::span<const MaskWords> robot, int min_views,
                   const MayTouch& body = nullptr) const;
 
-  // Whether a voxel remains whose content an image shows, so that an obstacle smaller than the
-  // least may be in it, and `touched` is true of it; or there is a voxel in which a ball of the
-  // least obstacle may have its centre, and `met` is true of it. Both are also asked of boxes that
-  // hold such voxels, and true if they are of one of them.
-  bool AnyMet(const MayTouch& touched, const MayTouch& met) const;
+  // Whether the robot meets what the images show, however small it is: a voxel that stays for that
+  // reason meets it in obstacle pixels, in all views that see the voxel but max_occluded_views, and
+  // its body. `robot`, `body`: as above.
+  bool PlainMeet(std::span<const MaskWords> robot, const MayTouch& body = nullptr) const;
+
+  // Whether there is a voxel in which a ball of the least obstacle may have its centre, and `met`
+  // is true of it. Also asked of boxes that hold such voxels, and true if it is of one of them.
+  bool AnyCentre(const MayTouch& met) const;
 
   // Whether a voxel meets it in `min_views` views; one that the space looks at at all.
   bool VoxelMeets(std::span<const MaskWords> robot, int min_views, int x, int y, int z) const;
@@ -125,6 +128,10 @@ class PossibleSpace {
   Part Drawn(const VoxelPart& part, const VoxelSet& surface) const;
   std::vector<int> BlocksOf(const VoxelSet& voxels) const;
   bool BodyTouches(const VoxelSet& voxels, std::span<const int> blocks, const MayTouch& body) const;
+  // Whether one of the voxels meets the robot in all views but `may_miss`, in `pixels`, and its
+  // body.
+  bool Meet(const VoxelSet& voxels, std::span<const int> blocks, const CollisionImages& pixels,
+            std::span<const MaskWords> robot, int may_miss, const MayTouch& body) const;
 
   const VoxelSpace& space_;
   PossibleVoxels voxels_;
@@ -135,6 +142,8 @@ class PossibleSpace {
   std::vector<int> centre_blocks_;      // places in space_.active()
   std::vector<Part> parts_;
   CollisionImages possible_pixels_;  // those that are not background
+  CollisionImages obstacle_pixels_;
+  int max_occluded_views_;
 };
 
 }  // namespace silhouette

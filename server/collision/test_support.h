@@ -35,8 +35,8 @@ struct TestSupport {
                                            const Eigen::AlignedBox3d&)>;
   RobotMayTouch robot_may_touch = nullptr;
   // Preset::kSound, under the same condition: whether the robot, which touches nothing where it
-  // stands, may meet something possible on its straight way from there to any configuration
-  // between two, along each joint. True if that is not known, as far away.
+  // stands, may meet a ball of the least obstacle that is possible on its straight way from there
+  // to any configuration between two, along each joint. True if that is not known, as far away.
   using RobotMayMeet = std::function<bool(std::span<const double>, std::span<const double>)>;
   RobotMayMeet robot_may_meet = nullptr;
 };

@@ -200,19 +200,20 @@ struct TestBody {
 
 // The body while it leaves the place where it touches nothing.
 struct LeavingBody {
-  TestBody test;
+  PosedBody body;
   const PosedBody& present;
   double radius = 0;  // of the least obstacle
   double voxel = 0;   // edge
+  size_t hint = 0;
 
   // Whether it may meet a ball that has its centre in a box, of the voxel's size or larger; eighths
   // of a voxel as above.
   bool MayMeet(const Eigen::AlignedBox3d& box, int halvings) {
     const Eigen::Vector3d centre = box.center();
     const double room = box.diagonal().norm() / 2;
-    if (present.AtMost(centre, test.hint) + room < radius) return false;
-    if (box.sizes().x() > 1.5 * voxel) return test.body.MayReach(centre, room + radius);
-    if (!test.body.MayMeet(centre, room, radius)) return false;
+    if (present.AtMost(centre, hint) + room < radius) return false;
+    if (box.sizes().x() > 1.5 * voxel) return body.MayReach(centre, room + radius);
+    if (!body.MayMeet(centre, room, radius)) return false;
     if (halvings == 0) return true;
     for (int corner = 0; corner < 8; ++corner) {
       Eigen::AlignedBox3d eighth(centre);
@@ -275,14 +276,11 @@ TestSupport::RobotMayMeet SoundBasis::RobotMayMeet(std::span<const JointPosition
                                                               std::span<const double> to) {
     const std::optional<PosedBody> body = BodyOnTheWay(now, from, to);
     if (!body) return true;
-    LeavingBody leaving{.test = {.body = body->MovedFrom(present)},
+    LeavingBody leaving{.body = body->MovedFrom(present),
                         .present = present,
                         .radius = space_.least_obstacle(),
                         .voxel = space_.grid().edge()};
-    return space.AnyMet(
-        [&](const Eigen::AlignedBox3d& box) {
-          return leaving.test.MayTouch(box, present, kHalvings);
-        },
+    return space.AnyCentre(
         [&](const Eigen::AlignedBox3d& box) { return leaving.MayMeet(box, kHalvings); });
   };
 }

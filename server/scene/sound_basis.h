@@ -73,9 +73,8 @@ class SoundBasis {
 
   // TestSupport::robot_may_meet while the robot stands at `joints`; null as above. `space`: of the
   // scene, and of this; must outlive it. A ball of the least obstacle that may be anywhere in space
-  // is met only if a link moves towards it (PosedBody::MayMeet), an obstacle smaller than that if a
-  // link may touch it. For configurations up to one step of the grid away along each joint; of a
-  // robot that is drawn, no farther than kDrawnWay.
+  // is met only if a link moves towards it (PosedBody::MayMeet). For configurations up to one step
+  // of the grid away along each joint; of a robot that is drawn, no farther than kDrawnWay.
   TestSupport::RobotMayMeet RobotMayMeet(std::span<const JointPosition> joints,
                                          const PossibleSpace& space) const;
 

@@ -95,7 +95,11 @@ TEST(SoundMapTest, WhatIsNotMetOnTheWayIsFree) {
   const SphereWorld& world = PerspectiveWorld();
   const ConfigurationNumber present = SphereWorld::Configurations()[123];
   const Balls obstacles{{Vector3d(0.45, -0.3, 0.05), 0.1}};
-  const ObstacleImages images = world.See(obstacles, present);
+  ObstacleImages images = world.See(obstacles, present);
+  // As if the robot hid it: what is plainly seen would be met.
+  for (auto& image : images) {
+    image = ObstacleImage::FromScene(~image->Background(), ~image->Background());
+  }
   const PossibleSpace possible(world.space, images, world.Body(present));
   bool meets = true;
   std::vector<std::pair<Configuration, Configuration>> asked;
@@ -140,6 +144,50 @@ TEST(SoundMapTest, WhatIsNotMetOnTheWayIsFree) {
       EXPECT_LE(to[j] / step, std::floor(from[j] / step + 1e-9) + 1 + 1e-9) << "not of one cell";
     }
   }
+}
+
+// Where balls are met nowhere, what the views show is left, and the body may touch everything.
+TEST(SoundMapTest, WhatAllViewsButOneShowIsMetHoweverThinItIs) {
+  const SphereWorld& world = PerspectiveWorld();
+  const ConfigurationNumber present = *SphereWorld::Grid().Nearest(std::vector<double>{0.0, 0.0});
+  const Balls finger{{Vector3d(-0.3, -0.3, 0.05), 0.01}};
+  const ObstacleImages images = world.See(finger, present);
+  const PossibleSpace possible(world.space, images, world.Body(present));
+  TestSupport support = Without(possible);
+  support.robot_may_meet = [](std::span<const double>, std::span<const double>) { return false; };
+  const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, support);
+  int touching = 0;
+  for (ConfigurationNumber number : SphereWorld::Configurations()) {
+    if (!Touch(SphereWorld::Arm(number), finger)) continue;
+    ++touching;
+    EXPECT_EQ(test.Check(number).state(), State::kOccupied);
+  }
+  EXPECT_GT(touching, 0);
+}
+
+// So nothing is met where the robot stands, however close it is.
+TEST(SoundMapTest, WhatTheViewsShowIsMetOnlyWhereTheRobotImagesHoldIt) {
+  Random random;
+  const SphereWorld& world = PerspectiveWorld();
+  int opened = 0;
+  for (int scene = 0; scene < SampleCount(5); ++scene) {
+    const ConfigurationNumber present = RandomConfiguration(random);
+    const Balls obstacles = RandomObstacles(SphereWorld::Arm(present), random);
+    const ObstacleImages images = world.See(obstacles, present);
+    const PossibleSpace possible(world.space, images, world.Body(present));
+    TestSupport support = Without(possible);
+    const CollisionChecker without(world.table, images, {.preset = Preset::kSound}, support);
+    support.robot_may_meet = [](std::span<const double>, std::span<const double>) { return false; };
+    const CollisionChecker test(world.table, images, {.preset = Preset::kSound}, support);
+    const CollisionChecker views(world.table, images, {.preset = Preset::kUncalibrated});
+    EXPECT_TRUE(test.Check(present).free()) << "scene " << scene;
+    for (ConfigurationNumber number : SphereWorld::Configurations()) {
+      if (!views.Check(number).free()) continue;
+      EXPECT_TRUE(test.Check(number).free()) << "scene " << scene;
+      if (!without.Check(number).free()) ++opened;
+    }
+  }
+  EXPECT_GT(opened, 0);
 }
 
 // The steps to the neighbouring grid points, diagonal ones included, that are free.
