@@ -65,24 +65,27 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
 }
 
 // LensCovariance::common_errors: how far the placings, each by itself, pull the shared state apart,
-// against how far independent errors of their corners would. `inverse`: of the normal equations
-// without the boards. `chi_squared`: of the solve, per degree of freedom.
-absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& inverse,
-                                    double chi_squared) {
-  constexpr double kExcess = 1.3;  // less is chance
-  constexpr long double kRedundancy = 1e-6L;
+// against how far independent errors of their corners would. A pull is measured by what the other
+// placings know of the state (bias-reduced cluster-robust variance, Bell and McCaffrey 2002): the
+// more the solution follows a placing, the less its residuals show of its errors. Mean of all
+// directions. `reduced`: the normal equations without the boards; `inverse`: theirs.
+// `chi_squared`: of the solve, per degree of freedom.
+absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& reduced,
+                                    const LongMatrix& inverse, double chi_squared) {
+  constexpr double kExcess = 1.3;             // less is chance
+  constexpr long double kLeastKnown = 1e-3L;  // by the others, as a share
   long double found = 0;
   long double expected = 0;
   for (size_t i = 0; i < n.board.size(); ++i) {
     const LongMatrix by_shared = Eigen::LDLT<LongMatrix6>(n.board[i]).solve(n.mixed[i].transpose());
     const LongMatrix pull = n.pull[i] - by_shared.transpose() * n.board_pull[i];
-    const LongMatrix share = inverse * (n.own[i] - n.mixed[i] * by_shared);
-    found += (pull.transpose() * inverse * pull).trace();
-    // The solution has followed each placing by its share.
-    expected += share.trace() - share.cwiseProduct(share.transpose()).sum();
+    const LongMatrix own = n.own[i] - n.mixed[i] * by_shared;
+    const Eigen::LDLT<LongMatrix> others((1 + kLeastKnown) * reduced - own);
+    found += (pull.transpose() * others.solve(pull)).trace();
+    expected += others.solve(own - own * inverse * own).trace();
   }
   // Corners without any error, or placings of which each decides by itself.
-  if (found == 0 || expected < kRedundancy) return 1;
+  if (found == 0 || expected < 1) return 1;
   const auto factor = static_cast<double>(found / (chi_squared * expected));
   if (!std::isfinite(factor)) return Undetermined();
   return factor > kExcess ? factor : 1;
@@ -209,7 +212,7 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   const int freedom = n.measurements - n.states;
   if (freedom <= 0) return undetermined;
   result.chi_squared = n.squares / freedom;
-  ASSIGN_OR_RETURN(result.common_errors, CommonErrors(n, inverse, result.chi_squared));
+  ASSIGN_OR_RETURN(result.common_errors, CommonErrors(n, reduced, inverse, result.chi_squared));
   const double variance = result.chi_squared * result.common_errors;
   result.covariance *= variance;
   result.places = n.places;
