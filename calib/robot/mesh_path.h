@@ -18,8 +18,8 @@ namespace silhouette {
 absl::StatusOr<std::string> MeshPath(const std::string& as_written, const std::string& urdf,
                                      std::span<const std::string> package_paths);
 
-// Of a file that does not exist: "; there is '...', in other upper and lower case", if there is one;
-// else empty.
+// Of a file that does not exist: the end of a sentence that names the one that is there in other
+// upper and lower case; empty if there is none.
 std::string InOtherCase(const std::string& path);
 
 }  // namespace silhouette
