@@ -4,6 +4,7 @@
 #include <chrono>
 #include <map>
 #include <memory>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
@@ -26,9 +27,15 @@ struct PublishArguments {
   bool now = false;
 };
 
-// What the folder says, then what the options say: the later wins.
+absl::Status GivenTwice(const char* option, const std::string& name) {
+  return absl::InvalidArgumentError(absl::StrCat(option, " ", name, " stands twice; give it once"));
+}
+
+// What the folder says, and in place of that what the options say.
 absl::StatusOr<ImagesFolder> ImagesOf(const Session& session, const PublishArguments& arguments) {
   ImagesFolder images;
+  std::set<std::string> views;
+  std::set<std::string> joints;
   if (!arguments.folder.empty()) {
     ASSIGN_OR_RETURN(auto read, ReadImagesFolder(arguments.folder));
     images = std::move(read);
@@ -40,11 +47,13 @@ absl::StatusOr<ImagesFolder> ImagesOf(const Session& session, const PublishArgum
           absl::StrCat("--view '", text, "' is not name=file, as in top=top.png"));
     }
     const ImageFile image{parts->first, parts->second};
+    if (!views.insert(image.view).second) return GivenTwice("--view", image.view);
     std::erase_if(images.images, [&](const ImageFile& other) { return other.view == image.view; });
     images.images.push_back(image);
   }
   for (const std::string& text : arguments.joints) {
     const auto [name, position] = ParseJoint(text, session.unit);
+    if (!joints.insert(name).second) return GivenTwice("--joint", name);
     std::erase_if(images.joints,
                   [&, &joint = name](const auto& other) { return other.first == joint; });
     images.joints.emplace_back(name, position);

@@ -54,8 +54,8 @@ class Lines {
     Print(text, json);
   }
 
-  // Whether all that was asked for is printed, or the user has had enough.
-  bool End() const { return enough_ || StopRequested(); }
+  // Whether all that was asked for is printed, the user has had enough, or nothing can be printed.
+  bool End() const { return enough_ || StopRequested() || !std::cout; }
 
  private:
   void Print(const std::string& text, const Json& json) {

@@ -379,6 +379,8 @@ TEST_F(Silhouette, WrongImagesAreNamed) {
   fails("--view left=text.png", "text.png");
   fails("--view top=small.png", "it has left, right");
   fails("--view left=small.png --joint x", "name=value");
+  fails("--view left=wall.png --view left=left.png", "--view left stands twice; give it once");
+  fails("--view left=left.png --joint x=0 --joint x=1", "--joint x stands twice; give it once");
   fails("nowhere", "images.json");
 }
 
