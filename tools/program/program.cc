@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/program.h"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdio>
 #include <iostream>
 #include <stdexcept>
 #include <string>
@@ -56,6 +58,19 @@ std::string MistypedSubcommand(const CLI::App& program) {
          (nearest.empty() ? "known are " + ListOfWords(known) : "did you mean '" + nearest + "'?");
 }
 
+// Whether standard output is a pipe that nothing reads any more, as after `head`.
+bool ReaderIsGone() {
+  pollfd out{.fd = STDOUT_FILENO, .events = POLLOUT, .revents = 0};
+  return poll(&out, 1, 0) > 0 && (out.revents & POLLERR) != 0;
+}
+
+// `code`, or that what was to be printed is lost.
+int WithOutput(const std::string& program, int code) {
+  if ((std::cout.flush() && std::fflush(stdout) == 0) || ReaderIsGone()) return code;
+  std::cerr << program << ": the output could not be written; is the disk full?" << std::endl;
+  return kWorldFailed;
+}
+
 }  // namespace
 
 ExitCode ExitCodeOf(const absl::Status& status) {
@@ -105,7 +120,7 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
     return app.exit(error) == 0 ? kDone : kUserMistake;
   }
   try {
-    return run();
+    return WithOutput(app.get_name(), run());
   } catch (const std::invalid_argument& error) {
     std::cerr << app.get_name() << ": " << error.what() << std::endl;
     return kUserMistake;

@@ -5,11 +5,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mman.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iostream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -108,6 +111,27 @@ TEST(Program, VersionGoesToStandardOutput) {
   testing::internal::CaptureStdout();
   EXPECT_EQ(RunTester({"--version"}, [] { return 3; }), 0);
   EXPECT_THAT(testing::internal::GetCapturedStdout(), HasSubstr("tester 0."));
+}
+
+TEST(ProgramDeathTest, OutputThatCannotBeWrittenIsNoSuccess) {
+  const auto print_to = [](int file) {
+    dup2(file, STDOUT_FILENO);
+    std::exit(RunTester({}, [] {
+      std::cout << "an answer";
+      return static_cast<int>(kDone);
+    }));
+  };
+  EXPECT_EXIT(print_to(open("/dev/full", O_WRONLY)), testing::ExitedWithCode(kWorldFailed),
+              "tester: the output could not be written; is the disk full");
+  // Who reads it has enough, as `head` has.
+  EXPECT_EXIT(
+      {
+        std::signal(SIGPIPE, SIG_IGN);
+        int ends[2] = {};
+        if (pipe(ends) == 0) close(ends[0]);
+        print_to(ends[1]);
+      },
+      testing::ExitedWithCode(kDone), "");
 }
 
 TEST(Program, ExceptionsBecomeOneSentence) {
