@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ios>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -54,6 +55,8 @@ YamlNode YamlNode::FromFile(const std::string& path) {
     return {node, path, ""};
   } catch (const YAML::BadFile&) {
     throw YamlError(path + ": the file does not exist or cannot be read");
+  } catch (const std::ios_base::failure&) {
+    throw YamlError(path + " cannot be read; is it a folder?");
   } catch (const YAML::ParserException& error) {
     throw YamlError(path + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
   }
@@ -120,6 +123,17 @@ double YamlNode::AsAngle() const {
   return InUnit({{"rad", 1}, {"deg", std::numbers::pi / 180}},
                 -std::numeric_limits<double>::infinity(),
                 "an angle is expected: radians, or e.g. '90 deg'");
+}
+
+double YamlNode::AsPosition() const {
+  return InUnit({{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}}, -std::numeric_limits<double>::infinity(),
+                "a position is expected: metres, or e.g. '-50 mm'");
+}
+
+double YamlNode::AsAngleOrPosition() const {
+  return InUnit({{"rad", 1}, {"deg", std::numbers::pi / 180}, {"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}},
+                -std::numeric_limits<double>::infinity(),
+                "a joint value is expected: radians or metres, or e.g. '90 deg' or '-50 mm'");
 }
 
 double YamlNode::AsLength() const {

@@ -51,6 +51,11 @@ class YamlNode {
   // An angle in radians, or "90 deg"; a number without a unit is radians.
   double AsAngle() const;
 
+  // Metres, or "-5 mm".
+  double AsPosition() const;
+  // Either, where nothing says which it is.
+  double AsAngleOrPosition() const;
+
   // A length in metres, or "5 mm"; not negative.
   double AsLength() const;
 

@@ -32,6 +32,12 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
   node.Fail("the model has no moving joint '" + name + "'; it has " + ListOfWords(known));
 }
 
+// Radians or metres. `joint`: as the model has it; null: there is no model to tell which.
+double JointValue(const YamlNode& node, const RobotJoint* joint) {
+  if (joint == nullptr) return node.AsAngleOrPosition();
+  return joint->type == JointType::kPrismatic ? node.AsPosition() : node.AsAngle();
+}
+
 GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   YamlMap map(node);
   GridJoint joint;
@@ -55,8 +61,8 @@ GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   }
   if (!lower && in_model == nullptr) node.Fail("the key 'lower' is missing");
   if (!upper && in_model == nullptr) node.Fail("the key 'upper' is missing");
-  joint.lower = lower ? lower->AsAngle() : in_model->lower;
-  joint.upper = upper ? upper->AsAngle() : in_model->upper;
+  joint.lower = lower ? JointValue(*lower, in_model) : in_model->lower;
+  joint.upper = upper ? JointValue(*upper, in_model) : in_model->upper;
   if (in_model != nullptr && !turns &&
       (joint.lower < in_model->lower - 1e-9 || joint.upper > in_model->upper + 1e-9)) {
     node.Fail("joint '" + joint.name + "' must stay within its limits in the model, " +
@@ -75,14 +81,13 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
       for (const GridJoint& joint : robot.moving) {
         if (joint.name == name) value.Fail("'" + name + "' moves; it cannot be fixed, too");
       }
-      const double position = value.AsAngle();
-      if (robot.settings.model) {
-        const RobotJoint& joint = ModelJoint(*robot.settings.model, name, value);
-        if (joint.type != JointType::kContinuous &&
-            (position < joint.lower || position > joint.upper)) {
-          value.Fail("beyond the joint's limits in the model, " + std::to_string(joint.lower) +
-                     " to " + std::to_string(joint.upper));
-        }
+      const RobotJoint* const joint =
+          robot.settings.model ? &ModelJoint(*robot.settings.model, name, value) : nullptr;
+      const double position = JointValue(value, joint);
+      if (joint != nullptr && joint->type != JointType::kContinuous &&
+          (position < joint->lower || position > joint->upper)) {
+        value.Fail("beyond the joint's limits in the model, " + std::to_string(joint->lower) +
+                   " to " + std::to_string(joint->upper));
       }
       fixed.push_back({name, position});
     }

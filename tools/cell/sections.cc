@@ -52,7 +52,8 @@ ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGri
       value.Fail("'" + name + "' is not a joint of the grid");
     }
     const std::vector<YamlNode> bounds = value.Items(2);
-    const ForbiddenRegion::Range range{name, bounds[0].AsAngle(), bounds[1].AsAngle()};
+    const ForbiddenRegion::Range range{name, bounds[0].AsAngleOrPosition(),
+                                       bounds[1].AsAngleOrPosition()};
     if (range.lower > range.upper) value.Fail("the first bound must not exceed the second");
     region.ranges.push_back(range);
   }

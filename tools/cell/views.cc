@@ -78,8 +78,10 @@ std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
   std::set<std::string> names;
   for (const YamlNode& item : node.Items()) {
     views.push_back(ReadView(item, margin, folder));
-    if (!names.insert(views.back().name).second) {
-      item.Fail("there is another view called '" + views.back().name + "'");
+    const std::string& name = views.back().name;
+    if (!names.insert(name).second) item.Fail("there is another view called '" + name + "'");
+    if (name.find('/') != std::string::npos) {
+      item.Fail("a view's name has no '/': files are named by it");
     }
   }
   if (views.empty()) node.Fail("a cell has at least one view");

@@ -91,6 +91,10 @@ TEST(StrictYaml, AnglesAndTimesTakeUnits) {
   EXPECT_DOUBLE_EQ(Parse("250 ms").AsSeconds(), 0.25);
   EXPECT_DOUBLE_EQ(Parse("2 min").AsSeconds(), 120);
   EXPECT_THAT(ErrorOf([] { Parse("3 turns").AsAngle(); }), HasSubstr("an angle is expected"));
+  EXPECT_DOUBLE_EQ(Parse("-50 mm").AsPosition(), -0.05);
+  EXPECT_THAT(ErrorOf([] { Parse("90 deg").AsPosition(); }), HasSubstr("a position is expected"));
+  EXPECT_DOUBLE_EQ(Parse("-5 cm").AsAngleOrPosition(), -0.05);
+  EXPECT_DOUBLE_EQ(Parse("180 deg").AsAngleOrPosition(), std::numbers::pi);
   EXPECT_THAT(ErrorOf([] { Parse("-1 s").AsSeconds(); }), HasSubstr("a time is expected"));
   EXPECT_EQ(Parse("1.5 GB").AsBytes(), 1'500'000'000u);
   EXPECT_EQ(Parse("2 KiB").AsBytes(), 2048u);

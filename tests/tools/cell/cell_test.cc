@@ -651,6 +651,41 @@ TEST(Cell, MaxMoveGridObeysTheLargestMovementAndSumDividesIt) {
   EXPECT_NEAR(sum[0], 2 * each[0], 2);
 }
 
+TEST(Cell, JointValuesHaveTheUnitOfTheirKind) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "gripper.urdf", GripperUrdf());
+  const auto load = [&](const std::string& urdf, const std::string& lower) {
+    return Load("name: x\nrobot:\n" + urdf + "  joints: [{name: left, lower: " + lower +
+                ", upper: 0.2}]\n" +
+                (urdf.empty() ? ""
+                              : "  fixed: {joint0: 0, joint1: 0, joint2: 0, joint3: 0, joint4: 0, "
+                                "joint5: 0, joint6: 0}\n") +
+                "grid: {steps: {left: 3}}\nviews: [{name: top}]\n");
+  };
+  const std::string urdf = "  urdf: " + (folder / "gripper.urdf").string() + "\n";
+  const absl::StatusOr<Cell> finger = load(urdf, "50 mm");
+  ASSERT_TRUE(finger.ok()) << finger.status();
+  EXPECT_DOUBLE_EQ(finger->grid.joints()[0].lower, 0.05);
+  EXPECT_THAT(std::string(load(urdf, "1 deg").status().message()),
+              HasSubstr("joints[0].lower: a position is expected"));
+  const absl::StatusOr<Cell> bare = load("", "-50 cm");
+  ASSERT_TRUE(bare.ok()) << bare.status();
+  EXPECT_DOUBLE_EQ(bare->grid.joints()[0].lower, -0.5);
+}
+
+TEST(Cell, FolderInPlaceOfTheFileIsTheUsersMistake) {
+  EXPECT_THAT(std::string(LoadCell(FreshFolder().string()).status().message()),
+              HasSubstr("is it a folder?"));
+}
+
+TEST(Cell, ViewsNameIsAFilesName) {
+  EXPECT_THAT(std::string(Load("name: x\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\n"
+                               "grid: {steps: {a: 3}}\nviews: [{name: ../top}]\n")
+                              .status()
+                              .message()),
+              HasSubstr("a view's name has no '/'"));
+}
+
 // Of two fingers one mimics the other, and a tip turns as that one slides.
 TEST(Cell, MaxMoveCountsJointsThatMimic) {
   const auto folder = FreshFolder();
