@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ios>
+#include <filesystem>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -49,14 +49,13 @@ YamlNode::YamlNode(const YAML::Node& node, std::string file, std::string name)
     : node_(node), file_(std::move(file)), name_(std::move(name)) {}
 
 YamlNode YamlNode::FromFile(const std::string& path) {
+  if (std::filesystem::is_directory(path)) throw YamlError(path + " is a folder; name a file");
   try {
     YAML::Node node = YAML::LoadFile(path);
     if (node.IsNull()) throw YamlError(path + ": the file is empty");
     return {node, path, ""};
   } catch (const YAML::BadFile&) {
     throw YamlError(path + ": the file does not exist or cannot be read");
-  } catch (const std::ios_base::failure&) {
-    throw YamlError(path + " cannot be read; is it a folder?");
   } catch (const YAML::ParserException& error) {
     throw YamlError(path + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The sections `robot` and `grid` of cell.yaml: the robot, and the grid over the joints that move.
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -32,10 +33,19 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
   node.Fail("the model has no moving joint '" + name + "'; it has " + ListOfWords(known));
 }
 
+// More radians without a unit are probably degrees.
+constexpr double kMostBare = 4 * std::numbers::pi;
+
 // Radians or metres. `joint`: as the model has it; null: there is no model to tell which.
 double JointValue(const YamlNode& node, const RobotJoint* joint) {
-  if (joint == nullptr) return node.AsAngleOrPosition();
-  return joint->type == JointType::kPrismatic ? node.AsPosition() : node.AsAngle();
+  if (joint != nullptr && joint->type == JointType::kPrismatic) return node.AsPosition();
+  const double value = joint == nullptr ? node.AsAngleOrPosition() : node.AsAngle();
+  const bool has_unit = std::isalpha(static_cast<unsigned char>(node.As<std::string>().back()));
+  if (!has_unit && std::abs(value) > kMostBare) {
+    node.Fail("that is more than two turns; write degrees as '90 deg'" +
+              std::string(joint == nullptr ? ", metres as '20 m'" : ""));
+  }
+  return value;
 }
 
 GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {

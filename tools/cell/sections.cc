@@ -367,7 +367,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   YamlMap map(node);
   ServerSettings server;
   server.listen = map.Get<std::string>("listen", server.listen);
-  map.Read("max_age", server.scene.max_age, &YamlNode::AsTime);
+  map.Read("max_age", server.scene.max_age, &YamlNode::AsPositiveTime);
   server.scene.accept_arrival_times =
       map.Get<bool>("accept_arrival_times", server.scene.accept_arrival_times);
   map.Read("max_skew", server.scene.max_skew, &YamlNode::AsTime);

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <csignal>
 #include <cstdio>
+#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 #include <string>
@@ -145,6 +146,15 @@ CLI::Validator PositiveNumber() {
         return "'" + text + "' is not a number above zero";
       },
       "POSITIVE");
+}
+
+CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what) {
+  return command.add_option("--picture", picture, what)->check([](const std::string& path) {
+    const std::string ending = std::filesystem::path(path).extension().string();
+    return ending == ".png" || ending == ".PNG"
+               ? std::string()
+               : "'" + path + "' is not the name of a PNG file, as in picture.png";
+  });
 }
 
 void AddFormatOption(CLI::App& command, std::string& format) {

@@ -10,6 +10,7 @@
 
 namespace CLI {
 class App;
+class Option;
 class Validator;
 }  // namespace CLI
 
@@ -44,6 +45,9 @@ int RunProgram(CLI::App& app, int argc, char** argv, const Work& work);
 
 // Takes numbers above zero: option->check(PositiveNumber()).
 CLI::Validator PositiveNumber();
+
+// Adds --picture FILE to `command`, a PNG file.
+CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what);
 
 // Adds --format text|json to `command`.
 void AddFormatOption(CLI::App& command, std::string& format);

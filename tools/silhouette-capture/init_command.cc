@@ -271,6 +271,7 @@ void AddInit(CLI::App& app, Work& work) {
       ->allow_extra_args(false);
   command
       ->add_option("--image-size", options->image_size, "Width and height of the cameras' images")
+      ->check(PositiveNumber())
       ->expected(2)
       ->capture_default_str();
   command->add_option("--images", options->images, "How the robot images are made")

@@ -409,8 +409,8 @@ void AddVerifyModel(CLI::App& app, Work& work) {
       ->check(CLI::Range(2, 1'000'000));
   command->add_option("--captured", options->captured,
                       "A database with captured robot images of the same cell: nothing is driven");
-  command->add_option("--picture", options->picture,
-                      "PNG of the worst masks; default: beside the database (.verification.png)");
+  AddPictureOption(*command, options->picture,
+                   "PNG of the worst masks; default: beside the database (.verification.png)");
   command->add_option("--seed", options->seed, "Of the choice of configurations")
       ->capture_default_str();
   command->add_option(

@@ -240,8 +240,8 @@ void AddShowTo(CLI::App& parent, Work& work) {
       parent, work, "show",
       "Cameras, pairs of views, and how well the robot images agree with the calibration",
       CalibrationShow);
-  command.add_option("--picture", options.picture,
-                     "Draw some pixels' bands in the other views into this PNG file");
+  AddPictureOption(command, options.picture,
+                   "Draw some pixels' bands in the other views into this PNG file");
   command.add_option("--view", options.view, "The view of these pixels; default: the first");
   command
       .add_option("--pixel", options.pixels,

@@ -161,8 +161,8 @@ void AddCoverage(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "coverage", "Which configurations are in a database", Coverage);
   AddVariantOption(command, options.variant);
-  command.add_option("--picture", options.picture,
-                     "Write a picture of them to this PNG file; for 1 to 3 joints that move");
+  AddPictureOption(command, options.picture,
+                   "Write a picture of them to this PNG file; for 1 to 3 joints that move");
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db coverage cell.lmdb --picture coverage.png");
 }

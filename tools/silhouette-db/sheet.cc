@@ -196,7 +196,7 @@ void AddSheet(CLI::App& app, Work& work) {
   auto [command, options] =
       AddCommand(app, work, "sheet", "The masks along one or two joints on one sheet", Sheet);
   AddVariantOption(command, options.variant);
-  command.add_option("--picture", options.picture, "The PNG file to write")->required();
+  AddPictureOption(command, options.picture, "The PNG file to write")->required();
   command
       .add_option("--along", options.along, "One or two joints; by default the first two that move")
       ->expected(1, 2);

@@ -113,7 +113,7 @@ void AddShow(CLI::App& app, Work& work) {
       "--at", options.at,
       "The one nearest to these joint values (radians, metres), in the grid's order");
   choice->require_option(1);
-  command.add_option("--picture", options.picture, "Write its masks to this PNG file");
+  AddPictureOption(command, options.picture, "Write its masks to this PNG file");
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db show cell.lmdb --at 0.5 -1.2 --picture robot.png");
 }

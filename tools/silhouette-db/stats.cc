@@ -136,8 +136,8 @@ void AddStats(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(
       app, work, "stats", "The robot's area per view, what it always covers, outliers", Stats);
   AddVariantOption(command, options.variant);
-  command.add_option("--picture", options.picture,
-                     "Write the pixels that the robot covers always or sometimes to this PNG file");
+  AddPictureOption(command, options.picture,
+                   "Write the pixels that the robot covers always or sometimes to this PNG file");
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db stats cell.lmdb --picture covered.png");
 }

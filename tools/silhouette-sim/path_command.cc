@@ -115,8 +115,8 @@ void AddPathCommand(CLI::App& program, Run& run) {
       ->add_option("--path", arguments->path,
                    "A JSON file with a list of configurations under the key \"waypoints\"")
       ->required();
-  command->add_option("--picture", arguments->picture,
-                      "Write the robot's silhouettes along the path, in every view, as a PNG");
+  AddPictureOption(*command, arguments->picture,
+                   "Write the robot's silhouettes along the path, in every view, as a PNG");
   command->callback([arguments, &run] { run = [arguments] { return RunPath(*arguments); }; });
 }
 

@@ -254,8 +254,8 @@ void AddPlanCommand(CLI::App& program, Session& session) {
   command->add_option("--out", arguments->out,
                       "Write the path as JSON: configurations under the key \"waypoints\",\n"
                       "none if there is no path");
-  command->add_option("--picture", arguments->picture,
-                      "Draw configuration space and path as a PNG, for grids of two joints");
+  AddPictureOption(*command, arguments->picture,
+                   "Draw configuration space and path as a PNG, for grids of two joints");
   command->add_option("--truth", arguments->truth,
                       "What silhouette-sim truth wrote: judge the configuration space by it");
   AddVerdictOptions(*command, session);

@@ -211,8 +211,8 @@ void AddShowCommand(CLI::App& scene, Session& session) {
       scene.add_subcommand("show", "Show a scene: counts per view, defects, a picture");
   auto arguments = std::make_shared<ShowArguments>();
   command->add_option("--id", arguments->id, "Number of the scene; default: the newest");
-  command->add_option("--picture", arguments->picture,
-                      "Draw scene and obstacle image of every view as a PNG");
+  AddPictureOption(*command, arguments->picture,
+                   "Draw scene and obstacle image of every view as a PNG");
   command
       ->add_option("--images", arguments->images,
                    "A folder with images.json: its camera images come into the picture too")

@@ -131,7 +131,7 @@ void AddSpaceCommand(CLI::App& program, Session& session) {
   auto arguments = std::make_shared<SpaceArguments>();
   command->add_option("--out", arguments->out,
                       "Write number, joint values and state of each: .json or .csv");
-  command->add_option("--picture", arguments->picture, "Draw it as a PNG, for grids of two joints");
+  AddPictureOption(*command, arguments->picture, "Draw it as a PNG, for grids of two joints");
   command->add_option("--max-time", arguments->max_time,
                       "How long the server may work, e.g. 20ms; what is not done is unknown");
   command

@@ -668,6 +668,8 @@ TEST(Cell, JointValuesHaveTheUnitOfTheirKind) {
   EXPECT_DOUBLE_EQ(finger->grid.joints()[0].lower, 0.05);
   EXPECT_THAT(std::string(load(urdf, "1 deg").status().message()),
               HasSubstr("joints[0].lower: a position is expected"));
+  EXPECT_THAT(std::string(load("", "-90").status().message()),
+              HasSubstr("joints[0].lower: that is more than two turns; write degrees as '90 deg'"));
   const absl::StatusOr<Cell> bare = load("", "-50 cm");
   ASSERT_TRUE(bare.ok()) << bare.status();
   EXPECT_DOUBLE_EQ(bare->grid.joints()[0].lower, -0.5);
@@ -675,7 +677,7 @@ TEST(Cell, JointValuesHaveTheUnitOfTheirKind) {
 
 TEST(Cell, FolderInPlaceOfTheFileIsTheUsersMistake) {
   EXPECT_THAT(std::string(LoadCell(FreshFolder().string()).status().message()),
-              HasSubstr("is it a folder?"));
+              HasSubstr("is a folder; name a file"));
 }
 
 TEST(Cell, ViewsNameIsAFilesName) {
@@ -750,7 +752,7 @@ TEST(Cell, JointsThatTheModelLacksOrThatAreNotNamedAreTold) {
   EXPECT_THAT(message("{name: joint_7}", "{}"), HasSubstr("joint_7"));
   EXPECT_THAT(message("{name: joint_1}", "{joint_2: 0}"),
               HasSubstr("say where 'joint_3', 'joint_4', 'joint_5' and 'joint_6' stand"));
-  EXPECT_THAT(message("{name: joint_1, upper: 100}", "{}"), HasSubstr("limit"));
+  EXPECT_THAT(message("{name: joint_1, upper: 300 deg}", "{}"), HasSubstr("limit"));
 }
 
 TEST(Cell, MissingFileIsTold) {

@@ -107,6 +107,23 @@ TEST(Program, NumbersAboveZeroAreTold) {
   }
 }
 
+TEST(Program, PicturesArePngFiles) {
+  const auto error_of = [](const std::string& path) -> std::string {
+    CLI::App app("", "tester");
+    std::string picture;
+    AddPictureOption(app, picture, "Draw it");
+    try {
+      app.parse("--picture '" + path + "'");
+      return "";
+    } catch (const CLI::ParseError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(error_of("a folder/robot.png"), "");
+  EXPECT_THAT(error_of("robot.jpg"), HasSubstr("'robot.jpg' is not the name of a PNG file"));
+  EXPECT_THAT(error_of("robot"), HasSubstr("not the name of a PNG file"));
+}
+
 TEST(Program, VersionGoesToStandardOutput) {
   testing::internal::CaptureStdout();
   EXPECT_EQ(RunTester({"--version"}, [] { return 3; }), 0);
