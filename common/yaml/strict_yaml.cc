@@ -9,6 +9,7 @@
 #include <numbers>
 #include <numeric>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 namespace silhouette {
@@ -49,7 +50,10 @@ YamlNode::YamlNode(const YAML::Node& node, std::string file, std::string name)
     : node_(node), file_(std::move(file)), name_(std::move(name)) {}
 
 YamlNode YamlNode::FromFile(const std::string& path) {
-  if (std::filesystem::is_directory(path)) throw YamlError(path + " is a folder; name a file");
+  std::error_code unreadable;
+  if (std::filesystem::is_directory(path, unreadable)) {
+    throw YamlError(path + " is a folder; name a file");
+  }
   try {
     YAML::Node node = YAML::LoadFile(path);
     if (node.IsNull()) throw YamlError(path + ": the file is empty");

@@ -675,9 +675,11 @@ TEST(Cell, JointValuesHaveTheUnitOfTheirKind) {
   EXPECT_DOUBLE_EQ(bare->grid.joints()[0].lower, -0.5);
 }
 
-TEST(Cell, FolderInPlaceOfTheFileIsTheUsersMistake) {
+TEST(Cell, FolderOrImpossibleNameInPlaceOfTheFileIsTheUsersMistake) {
   EXPECT_THAT(std::string(LoadCell(FreshFolder().string()).status().message()),
               HasSubstr("is a folder; name a file"));
+  EXPECT_THAT(std::string(LoadCell(std::string(5000, 'x')).status().message()),
+              HasSubstr("does not exist or cannot be read"));
 }
 
 TEST(Cell, ViewsNameIsAFilesName) {
