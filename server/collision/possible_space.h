@@ -98,7 +98,7 @@ class PossibleSpace {
   // that is not known, nothing.
   using MayTouch = std::function<bool(const Eigen::AlignedBox3d&)>;
 
-  // Both: the images of a robot, one per view; a view without an image counts as met. Never
+  // All three: the images of a robot, one per view; a view without an image counts as met. Never
   // allocate. `min_views`: 1 to the number of views.
 
   // Whether the planes of a part meet the robot in `min_views` views, or its body may touch one of
@@ -111,8 +111,8 @@ class PossibleSpace {
                   const MayTouch& body = nullptr) const;
 
   // Whether the robot meets what the images show, however small it is: a voxel that stays for that
-  // reason meets it in obstacle pixels, in all views that see the voxel but max_occluded_views, and
-  // its body. `robot`, `body`: as above.
+  // reason meets it in obstacle pixels, in all views but max_occluded_views, and its body. A view
+  // that does not show all of the voxel counts as met if the robot may reach beyond its image.
   bool PlainMeet(std::span<const MaskWords> robot, const MayTouch& body = nullptr) const;
 
   // Whether there is a voxel in which a ball of the least obstacle may have its centre, and `met`
