@@ -87,10 +87,10 @@ VoxelSet PlainRemaining(const BallScene& scene) {
   std::vector<Mask> foregrounds;
   for (const auto& image : scene.images) foregrounds.push_back(~image->Background());
   const auto views = static_cast<size_t>(space.views());
-  const auto visible = [&](int x, int y, int z, auto in_view) {
+  const auto may_be = [&](int x, int y, int z) {
     for (size_t view = 0; view < views; ++view) {
       const PixelRectangle pixels = space.Touched(static_cast<int>(view), x, y, z);
-      if (pixels.whole && !AnySet(in_view(view), pixels)) return false;
+      if (pixels.whole && !AnySet(foregrounds[view], pixels)) return false;
     }
     return true;
   };
@@ -121,14 +121,16 @@ VoxelSet PlainRemaining(const BallScene& scene) {
     for (int y = 0; y < grid.size(1); ++y) {
       for (int x = 0; x < grid.size(0); ++x) {
         if (scene.body.inside.at(x, y, z)) continue;
-        if (!visible(x, y, z, [&](size_t view) -> const Mask& { return foregrounds[view]; })) {
-          continue;
-        }
+        if (!may_be(x, y, z)) continue;
         possible.Insert(x, y, z);
-        const auto obstacle = [&](size_t view) -> const Mask& {
-          return scene.images[view]->obstacle();
-        };
-        if (space.seen().at(x, y, z) && visible(x, y, z, obstacle)) plain.Insert(x, y, z);
+        int shown = 0;
+        int occluded = 0;
+        for (size_t view = 0; view < views; ++view) {
+          const PixelRectangle pixels = space.Touched(static_cast<int>(view), x, y, z);
+          if (!pixels.whole) continue;
+          (AnySet(scene.images[view]->obstacle(), pixels) ? shown : occluded) += 1;
+        }
+        if (shown > 0 && occluded <= Policy{}.max_occluded_views) plain.Insert(x, y, z);
         if (!scene.body.no_centre.at(x, y, z) && may_be_centre(x, y, z)) fill_ball(x, y, z);
       }
     }
