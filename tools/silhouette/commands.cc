@@ -84,6 +84,24 @@ void AddResolutionOption(CLI::App& command, std::optional<double>& resolution) {
                      "[0.005]");
 }
 
+CLI::Option* AddTimeOption(CLI::App& command, const std::string& name,
+                           std::optional<absl::Duration>& time, const std::string& what) {
+  const auto parse = [](const std::string& text) {
+    absl::Duration parsed;
+    const bool is_time = absl::ParseDuration(text, &parsed) && parsed > absl::ZeroDuration() &&
+                         parsed != absl::InfiniteDuration();
+    return is_time ? std::optional(parsed) : std::nullopt;
+  };
+  return command
+      .add_option_function<std::string>(
+          name, [&time, parse](const std::string& text) { time = parse(text); }, what)
+      ->check([parse](const std::string& text) {
+        return parse(text) ? std::string()
+                           : "'" + text + "' is not a time above 0; write e.g. 30s, 1m30s or 500ms";
+      })
+      ->option_text("TIME");
+}
+
 void AddPathArguments(CLI::App& command, Session& session, PathArguments& arguments) {
   command.add_option("waypoints", arguments.waypoints,
                      "Configurations: joint values with commas between them");

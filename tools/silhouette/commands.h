@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "silhouette/client.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
@@ -48,6 +49,10 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
 
 // --resolution, of CheckPath, metres.
 void AddResolutionOption(CLI::App& command, std::optional<double>& resolution);
+
+// A time above 0: "30s", "1m30s", "500ms".
+CLI::Option* AddTimeOption(CLI::App& command, const std::string& name,
+                           std::optional<absl::Duration>& time, const std::string& what);
 
 // A path on the command line: waypoints, or --file; --degrees.
 struct PathArguments {

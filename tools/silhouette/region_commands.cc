@@ -17,7 +17,7 @@ struct AllowArguments {
   std::string name;
   std::vector<std::string> polygons;
   std::vector<std::string> masks;
-  std::string duration;
+  std::optional<absl::Duration> duration;
 };
 
 // "left 12, top 9 pixels"
@@ -31,10 +31,9 @@ std::string PixelsOf(const v1::AllowedRegion& region) {
 }
 
 absl::StatusOr<ExitCode> Allow(const Session& session, const AllowArguments& arguments) {
-  ASSIGN_OR_RETURN(const absl::Duration duration, ParseDuration(arguments.duration));
   v1::AllowRegionRequest request;
   request.set_name(arguments.name);
-  *request.mutable_duration() = client::ToMessage(duration);
+  *request.mutable_duration() = client::ToMessage(*arguments.duration);
   for (const std::string& text : arguments.polygons) {
     ASSIGN_OR_RETURN(*request.add_views(), ParseRegionPolygon(text));
   }
@@ -94,7 +93,7 @@ void AddAllowCommand(CLI::App& region, Session& session) {
                    "VIEW=FILE: an image of the mask's size, white where the region lies; may be "
                    "given several times")
       ->allow_extra_args(false);
-  command->add_option("--for", arguments->duration, "How long: 30s, 1m30s, 500ms")->required();
+  AddTimeOption(*command, "--for", arguments->duration, "How long: 30s, 1m30s, 500ms")->required();
   AddFormatOption(*command, session.format);
   command->footer(
       "In the region obstacles are unknown: they neither count nor prove that nothing is there.\n"

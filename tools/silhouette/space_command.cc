@@ -10,7 +10,6 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 #include "tools/silhouette/formats/pictures.h"
 
@@ -20,7 +19,7 @@ namespace {
 struct SpaceArguments {
   std::string out;
   std::string picture;
-  std::string max_time;
+  std::optional<absl::Duration> max_time;
   std::vector<double> clearance_levels;
 };
 
@@ -71,15 +70,11 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
     return absl::InvalidArgumentError(
         absl::StrCat("'", arguments.out, "': --out writes .json or .csv"));
   }
-  std::optional<absl::Duration> max_time;
-  if (!arguments.max_time.empty()) {
-    ASSIGN_OR_RETURN(const absl::Duration time, ParseDuration(arguments.max_time));
-    max_time = time;
-  }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   const client::Policy& policy = session.policy;
   const auto start = std::chrono::steady_clock::now();
-  const auto space = client.GetConfigurationSpace(policy, {}, max_time, arguments.clearance_levels);
+  const auto space =
+      client.GetConfigurationSpace(policy, {}, arguments.max_time, arguments.clearance_levels);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - start;
   if (!space.ok()) return space.status();
   absl::Status status;
@@ -132,8 +127,8 @@ void AddSpaceCommand(CLI::App& program, Session& session) {
   command->add_option("--out", arguments->out,
                       "Write number, joint values and state of each: .json or .csv");
   AddPictureOption(*command, arguments->picture, "Draw it as a PNG, for grids of two joints");
-  command->add_option("--max-time", arguments->max_time,
-                      "How long the server may work, e.g. 20ms; what is not done is unknown");
+  AddTimeOption(*command, "--max-time", arguments->max_time,
+                "How long the server may work, e.g. 20ms; what is not done is unknown");
   command
       ->add_option("--clearance", arguments->clearance_levels,
                    "Also report which free configurations have more clearance than each of these "

@@ -13,7 +13,6 @@
 #include "silhouette/path_watch.h"
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
-#include "tools/silhouette/formats/inputs.h"
 #include "tools/silhouette/formats/output.h"
 
 namespace silhouette {
@@ -25,8 +24,8 @@ constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
 
 struct WatchArguments {
   PathArguments path;
-  std::string max_age;  // empty: the server's alone
-  int count = 0;        // 0: no end
+  std::optional<absl::Duration> max_age;  // nothing: the server's alone
+  int count = 0;                          // 0: no end
   bool no_retry = false;
 };
 
@@ -103,10 +102,7 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
 
 absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client,
                                     const WatchArguments& arguments, Lines& lines) {
-  absl::Duration max_age = absl::InfiniteDuration();
-  if (!arguments.max_age.empty()) {
-    ASSIGN_OR_RETURN(max_age, ParseDuration(arguments.max_age));
-  }
+  const absl::Duration max_age = arguments.max_age.value_or(absl::InfiniteDuration());
   const LocalSpace space(client,
                          {.policy = session.policy, .max_age = max_age, .obstacles = false});
   uint64_t printed = 0;
@@ -200,9 +196,9 @@ void AddWatchCommand(CLI::App& program, Session& session) {
   auto arguments = std::make_shared<WatchArguments>();
   AddPathArguments(*command, session, arguments->path);
   AddSeparationOptions(*command, arguments->path);
-  command->add_option("--max-age", arguments->max_age,
-                      "How old a scene may be until all is unknown, e.g. 300ms; default: as the\n"
-                      "server has it; not for a path");
+  AddTimeOption(*command, "--max-age", arguments->max_age,
+                "How old a scene may be until all is unknown, e.g. 300ms; default: as the\n"
+                "server has it; not for a path");
   command->add_option("--count", arguments->count, "End after this many updates")
       ->check(PositiveNumber());
   command->add_flag("--no-retry", arguments->no_retry,

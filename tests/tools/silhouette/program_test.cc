@@ -446,9 +446,9 @@ TEST_F(Silhouette, WrongRegionsAreNamed) {
   };
   EXPECT_THAT(error("'left:1,1;2,2;1,2'"), HasSubstr("--for"));
   EXPECT_THAT(error("--for 30s"), HasSubstr("say where"));
-  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for soon"), HasSubstr("'soon' is not a time"));
+  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for soon"), HasSubstr("--for: 'soon' is not a time"));
   EXPECT_THAT(error("'left:1,1;2,2;1,2' --for 1h"), HasSubstr("at most 10m"));
-  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for inf"), HasSubstr("at most 10m"));
+  EXPECT_THAT(error("'left:1,1;2,2;1,2' --for inf"), HasSubstr("--for: 'inf' is not a time"));
   EXPECT_THAT(error("'left:1,1;2,2' --for 1s"), HasSubstr("at least three corners"));
   EXPECT_THAT(error("'left:1,1;2,2;x,2' --for 1s"), HasSubstr("'left:1,1;2,2;x,2' is not"));
   EXPECT_THAT(error("'back:1,1;2,2;1,2' --for 1s"), HasSubstr("no such view"));

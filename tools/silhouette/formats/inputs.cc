@@ -166,11 +166,4 @@ std::optional<std::pair<std::string, std::string>> SplitAtEquals(const std::stri
   return std::pair(text.substr(0, equals), text.substr(equals + 1));
 }
 
-absl::StatusOr<absl::Duration> ParseDuration(const std::string& text) {
-  absl::Duration duration;
-  if (absl::ParseDuration(text, &duration)) return duration;
-  return absl::InvalidArgumentError(
-      absl::StrCat("'", text, "' is not a time; write e.g. 30s, 1m30s or 500ms"));
-}
-
 }  // namespace silhouette

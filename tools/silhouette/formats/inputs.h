@@ -56,7 +56,4 @@ absl::StatusOr<v1::RegionPixels> ReadRegionMask(const std::string& text);
 // "name=value" in its two parts; nothing if one of them is missing.
 std::optional<std::pair<std::string, std::string>> SplitAtEquals(const std::string& text);
 
-// "30s", "1m30s", "500ms". InvalidArgument, naming the text, if it is none.
-absl::StatusOr<absl::Duration> ParseDuration(const std::string& text);
-
 }  // namespace silhouette
