@@ -42,19 +42,17 @@ void RequireValid(const SeparationSettings& settings) {
 
 double ProtectiveDistance(const SeparationSettings& settings, const SpeedLevel& level,
                           double image_to_reply) {
-  const double reaction = image_to_reply + settings.reaction_time;
+  const double time = image_to_reply + settings.reaction_time + level.stopping_time;
   const auto with = [&](double human_speed) {
-    return human_speed * (reaction + level.stopping_time) + level.speed * reaction +
-           level.stopping_distance + settings.intrusion + settings.uncertainty;
+    return human_speed * time + settings.intrusion + settings.uncertainty;
   };
   const double near = with(settings.near_human_speed);
   return near <= kNear ? near : std::max(kNear, with(settings.human_speed));
 }
 
-size_t LevelsKept(std::span<const double> protective_distances, double distance) {
-  size_t kept = 0;
-  while (kept < protective_distances.size() && distance >= protective_distances[kept]) ++kept;
-  return kept;
+double WayToStop(const SeparationSettings& settings, const SpeedLevel& level,
+                 double image_to_reply) {
+  return level.speed * (image_to_reply + settings.reaction_time) + level.stopping_distance;
 }
 
 void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {

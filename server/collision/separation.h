@@ -2,6 +2,9 @@
 // Speed and separation: how far a robot must stay from people to be able to stop before it touches
 // them (ISO/TS 15066:2016, 5.5.4; ISO 13855:2010, 6.2), and how fast it may move so.
 //
+// What the robot itself moves until it stands is on its path: no place on it may be nearer than
+// people come meanwhile.
+//
 // An aid for planning and for studying a cell, no certified safety function.
 #pragma once
 
@@ -55,14 +58,17 @@ inline constexpr double kNear = 0.5;
 // no level, or levels have no name, one name twice, no speed, or are not from slow to fast.
 void RequireValid(const SeparationSettings& settings);
 
-// The protective separation distance of a level, metres. `image_to_reply`: the oldest that what the
-// robot goes by may be when the next reply comes, s.
+// Both in metres. `image_to_reply`: the oldest that what the robot goes by may be when the next
+// reply comes, s.
+
+// The protective separation distance of a level from the way that the robot takes until it stands:
+// how far people come meanwhile, C and Z.
 double ProtectiveDistance(const SeparationSettings& settings, const SpeedLevel& level,
                           double image_to_reply);
-
-// How many of `levels`, the slow ones first, keep their distance at `distance` metres: 0, the robot
-// must stop.
-size_t LevelsKept(std::span<const double> protective_distances, double distance);
+// That way: how far the fastest point of the robot moves until it stands. Where its direction is
+// not known, it adds to the distance (S_r and S_s of the standard).
+double WayToStop(const SeparationSettings& settings, const SpeedLevel& level,
+                 double image_to_reply);
 
 // The least distance along a path.
 struct PathDistance {

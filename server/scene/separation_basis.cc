@@ -117,8 +117,9 @@ absl::StatusOr<std::shared_ptr<const SeparationBasis>> SeparationBasis::Make(
   try {
     const SeparationCell& separation = *cell.separation;
     RequireValid(separation.settings);
-    const double range =
-        ProtectiveDistance(separation.settings, separation.settings.levels.back(), kOldImage);
+    const SpeedLevel& fastest = separation.settings.levels.back();
+    const double range = ProtectiveDistance(separation.settings, fastest, kOldImage) +
+                         WayToStop(separation.settings, fastest, kOldImage);
     const Eigen::AlignedBox3d zone = ZoneOf(cell, range);
     const double edge = EdgeOf(cell, zone);
     if (zone.volume() / (edge * edge * edge) > SoundBasis::kMostVoxels) {

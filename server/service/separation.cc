@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <vector>
@@ -24,6 +25,8 @@ constexpr double kLateScene = 1.25;
 // A path leads away though the robot comes nearer by so much on it, metres: distances are told in
 // steps of voxels.
 constexpr double kSameDistance = 0.02;
+// As a horizon.
+constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
 
 absl::StatusOr<SeparationSettings> SettingsFrom(const v1::SeparationPolicy& message,
                                                 const SeparationSettings& defaults) {
@@ -59,6 +62,55 @@ absl::Duration ImageAge(const Serving& serving, const Served& served, const Mome
   return std::min(served.scene->AgeAt(now) + next, serving.settings.scene.max_age);
 }
 
+struct KeptLevels {
+  size_t count = 0;  // the slow ones first
+  // As far as the fastest of them, or else the slowest level, looks at it.
+  PathDistance path;
+  std::vector<double> distances;  // that the levels keep, metres
+  absl::Duration image_age;       // that they count on
+};
+
+// The levels that keep their distance from the path: all of it, or as far as the horizon and until
+// the robot stands. Nothing: as Checker::Distance.
+std::optional<KeptLevels> LevelsKeptOn(const Serving& serving, const Checker& checker,
+                                       std::span<const Configuration> waypoints,
+                                       const SeparationSettings& settings, double horizon,
+                                       const Stop& stop) {
+  // The first distance of a scene takes longest: the age is that after it.
+  std::optional<PathDistance> path = checker.Distance(waypoints.first(1), std::nullopt, stop);
+  if (!path) return std::nullopt;
+  KeptLevels kept;
+  kept.image_age = ImageAge(serving, checker.served(), serving.settings.clock());
+  const double age = absl::ToDoubleSeconds(kept.image_age);
+  const bool has_direction = waypoints.size() > 1;
+  for (const SpeedLevel& level : settings.levels) {
+    kept.distances.push_back(ProtectiveDistance(settings, level, age) +
+                             (has_direction ? 0 : WayToStop(settings, level, age)));
+  }
+  for (const SpeedLevel& level : settings.levels) {
+    const double ahead = horizon + WayToStop(settings, level, age);
+    if (kept.count == 0 || ahead < kAllOfIt) path = checker.Distance(waypoints, ahead, stop);
+    if (!path) return std::nullopt;
+    const bool keeps = path->distance >= kept.distances[kept.count];
+    if (keeps || kept.count == 0) kept.path = *path;
+    if (!keeps) break;
+    ++kept.count;
+  }
+  return kept;
+}
+
+void ToMessage(const KeptLevels& kept, const SeparationSettings& settings,
+               v1::Separation& message) {
+  message.set_level(static_cast<int>(kept.count));
+  if (kept.count > 0) message.set_level_name(settings.levels[kept.count - 1].name);
+  message.set_distance(kept.path.distance);
+  message.mutable_nearest()->set_segment(kept.path.segment);
+  message.mutable_nearest()->set_fraction(kept.path.fraction);
+  message.set_leads_away(kept.path.distance >= kept.path.at_start - kSameDistance);
+  message.mutable_protective_distances()->Assign(kept.distances.begin(), kept.distances.end());
+  message.set_image_age(absl::ToDoubleSeconds(kept.image_age));
+}
+
 }  // namespace
 
 absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
@@ -73,41 +125,27 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
         "and the sections 'sound' and 'separation' in the cell file");
   }
   ASSIGN_OR_RETURN(const SeparationSettings settings, SettingsFrom(request, basis->settings()));
-  const std::optional<double> horizon =
-      request.has_horizon() ? std::optional(request.horizon()) : std::nullopt;
+  const double horizon = request.has_horizon() ? request.horizon() : kAllOfIt;
   int64_t places = 0;
   const auto stop = [&] { return ++places > kMostPlaces || Stopped(cancelled); };
-  const std::optional<PathDistance> path = checker.Distance(waypoints, horizon, stop);
+  const auto kept = LevelsKeptOn(serving, checker, waypoints, settings, horizon, stop);
   if (places > kMostPlaces) {
     return absl::ResourceExhaustedError(
         absl::StrCat("separation: distances are looked at in more than ", kMostPlaces,
                      " places of the path; state a horizon, or split it"));
   }
-  if (!path && Stopped(cancelled)) return absl::CancelledError();
+  if (!kept && Stopped(cancelled)) return absl::CancelledError();
   const Moment now = serving.settings.clock();
   const Reason blocked =
       BlockedReason(served, {.preset = Preset::kSound}, serving.settings.scene, now);
   separation->set_range(basis->range());
-  if (!path || blocked != Reason::kNone) {
+  if (!kept || blocked != Reason::kNone) {
     const Reason reason = blocked != Reason::kNone ? blocked : Reason::kOutsideGrid;
     separation->set_unknown_reason(ToMessage(reason));
     return absl::OkStatus();
   }
-  const absl::Duration age = ImageAge(serving, served, now);
-  std::vector<double> distances;
-  for (const SpeedLevel& level : settings.levels) {
-    distances.push_back(ProtectiveDistance(settings, level, absl::ToDoubleSeconds(age)));
-  }
-  const size_t kept = LevelsKept(distances, path->distance);
-  separation->set_level(static_cast<int>(kept));
-  if (kept > 0) separation->set_level_name(settings.levels[kept - 1].name);
-  separation->set_distance(path->distance);
-  separation->mutable_nearest()->set_segment(path->segment);
-  separation->mutable_nearest()->set_fraction(path->fraction);
-  separation->set_leads_away(path->distance >= path->at_start - kSameDistance);
-  separation->mutable_protective_distances()->Assign(distances.begin(), distances.end());
-  separation->set_image_age(absl::ToDoubleSeconds(age));
-  ToMessage(age - served.scene->AgeAt(now), separation->mutable_valid_for());
+  ToMessage(*kept, settings, *separation);
+  ToMessage(kept->image_age - served.scene->AgeAt(now), separation->mutable_valid_for());
   return absl::OkStatus();
 }
 

@@ -32,24 +32,27 @@ struct SeparationPolicy {
   std::optional<double> uncertainty = std::nullopt;  // metres
   // From slow to fast.
   std::vector<SpeedLevel> levels = {};
-  // Only the beginning of the path counts, as far as the robot moves up to this on it, metres.
+  // Only the beginning of the path counts, as far as the robot moves up to this on it, metres, and
+  // then until it stands from the level's speed.
   std::optional<double> horizon = std::nullopt;
 };
 
+// How fast the robot may follow a path, at whose end it stops.
 struct Separation {
   // Number of the fastest level that keeps its distance, from 1. 0: the robot must stop. Ask
   // LevelNow().
   int level = 0;
   std::string level_name = {};  // empty: the robot must stop
   // At least so far are the parts of the robot that the path moves, anywhere on it, and all that is
-  // seen or could be there unseen; metres, in space.
+  // seen or could be there unseen; metres, in space. With a horizon as far as the level looks.
   double distance = 0;
   // Where that is: waypoint number and fraction of the way to the next one.
   int segment = 0;
   double fraction = 0;
   // Nowhere on the path is the robot nearer than at its beginning, but for 2 cm.
   bool leads_away = false;
-  // The distances that the levels keep, from slow to fast, metres.
+  // The distances that the levels keep from the path, from slow to fast, metres. From a single
+  // waypoint they keep what the robot moves until it stands, too.
   std::vector<double> protective_distances = {};
   // How old the newest image may become before a newer reply comes; counted as reaction.
   absl::Duration image_age = absl::InfiniteDuration();

@@ -105,21 +105,22 @@ SeparationSettings Levels() {
   return settings;
 }
 
-TEST(ProtectiveDistance, IsTheSumOfTheStandard) {
+TEST(ProtectiveDistance, AndTheWayToStopAreTheSumOfTheStandard) {
   SeparationSettings settings = Levels();
   settings.intrusion = 0.1;
   settings.uncertainty = 0.05;
-  // 1.6 (0.3 + 0.5) + 1.5 * 0.3 + 0.4 + 0.15
-  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[1], 0.2), 2.28, 1e-12);
+  // 1.6 (0.3 + 0.5) + 0.15, and 1.5 * 0.3 + 0.4
+  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[1], 0.2), 1.43, 1e-12);
+  EXPECT_NEAR(WayToStop(settings, settings.levels[1], 0.2), 0.85, 1e-12);
 }
 
 TEST(ProtectiveDistance, PeopleReachFasterThanTheyWalkWhereTheyAreNear) {
   SeparationSettings settings = Levels();
   settings.reaction_time = 0.05;
-  // 2.0 (0.1 + 0.1) + 0.25 * 0.1 + 0.02
-  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[0], 0.05), 0.445, 1e-12);
-  // 2.0 * 0.24 + ... is above 0.5; 1.6 * 0.24 + ... is below.
-  EXPECT_EQ(ProtectiveDistance(settings, settings.levels[0], 0.09), kNear);
+  // 2.0 (0.1 + 0.1)
+  EXPECT_NEAR(ProtectiveDistance(settings, settings.levels[0], 0.05), 0.4, 1e-12);
+  // 2.0 * 0.26 is above 0.5; 1.6 * 0.26 is below.
+  EXPECT_EQ(ProtectiveDistance(settings, settings.levels[0], 0.11), kNear);
 }
 
 TEST(ProtectiveDistance, NeverFallsAsAnImageGrowsOld) {
@@ -132,15 +133,6 @@ TEST(ProtectiveDistance, NeverFallsAsAnImageGrowsOld) {
       before = distance;
     }
   }
-}
-
-TEST(LevelsKept, AFasterLevelNeedsAllSlowerOnes) {
-  const std::vector<double> distances = {0.5, 0.9, 1.4};
-  EXPECT_EQ(LevelsKept(distances, 0.4), 0u);
-  EXPECT_EQ(LevelsKept(distances, 0.5), 1u);
-  EXPECT_EQ(LevelsKept(distances, 1.39), 2u);
-  EXPECT_EQ(LevelsKept(distances, 2), 3u);
-  EXPECT_EQ(LevelsKept(std::vector<double>{1.0, 0.2}, 0.5), 0u);
 }
 
 TEST(SeparationSettings, RefusesWhatCannotBe) {

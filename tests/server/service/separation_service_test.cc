@@ -75,13 +75,51 @@ TEST_F(SeparationServiceTest, APathTowardsSomebodyKeepsLessDistanceThanOneAway) 
 
 TEST_F(SeparationServiceTest, ReactionCountsTheAgeOfTheImageUntilTheNextReply) {
   Publish();
-  const auto path = Ask({{3, 0}}, {.human_speed = 1.6, .near_human_speed = 1.6});
+  const auto path = Ask({{2.9, 0}, {3, 0}}, {.human_speed = 1.6, .near_human_speed = 1.6});
   ASSERT_TRUE(path.ok() && path->separation) << path.status();
   const client::Separation& told = *path->separation;
   ASSERT_EQ(told.protective_distances.size(), 2u);
   const double reaction = absl::ToDoubleSeconds(told.image_age) + 0.1;
-  EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3) + 1.0 * reaction + 0.2, 1e-9);
+  EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3), 1e-9);
   EXPECT_EQ(told.LevelNow() == told.level, std::chrono::steady_clock::now() < told.valid_until);
+}
+
+TEST_F(SeparationServiceTest, WithoutADirectionWhatTheRobotMovesUntilItStandsCounts) {
+  Publish();
+  const auto place = Ask({{3, 0}}, {.human_speed = 1.6, .near_human_speed = 1.6});
+  ASSERT_TRUE(place.ok() && place->separation) << place.status();
+  const client::Separation& told = *place->separation;
+  ASSERT_EQ(told.protective_distances.size(), 2u);
+  const double reaction = absl::ToDoubleSeconds(told.image_age) + 0.1;
+  EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3) + 1.0 * reaction + 0.2, 1e-9);
+}
+
+// The path comes nearer and nearer: what the level moves until it stands decides.
+TEST_F(SeparationServiceTest, TheHorizonGoesOnUntilTheRobotStands) {
+  Publish();
+  const std::vector<Configuration> path = {{1.3, 0}, {0.7, 0}};
+  const auto distance = [&](double stopping_distance, std::optional<double> horizon) {
+    const auto told = Ask(path, {.human_speed = 0.01,
+                                 .near_human_speed = 0.01,
+                                 .reaction_time = 0.0,
+                                 .levels = {{"slow", 0.001, 0, stopping_distance}},
+                                 .horizon = horizon});
+    EXPECT_TRUE(told.ok() && told->separation) << told.status();
+    return told.ok() && told->separation ? told->separation->distance : 0;
+  };
+  const double until_it_stands = distance(0.4, 0);
+  EXPECT_GT(distance(0, 0), until_it_stands + 0.05);
+  EXPECT_NEAR(distance(0, 0.4), until_it_stands, 0.01);
+  EXPECT_LT(distance(0, std::nullopt), until_it_stands - 0.05);
+}
+
+TEST_F(SeparationServiceTest, AFasterLevelNeedsAllSlowerOnes) {
+  Publish();
+  // The first level stops too late, though the second would not.
+  const auto path =
+      Ask({{2.6, 0}, {0.9, 0}}, {.levels = {{"late", 0.01, 5, 0}, {"b", 0.02, 0, 0}}});
+  ASSERT_TRUE(path.ok() && path->separation) << path.status();
+  EXPECT_EQ(path->separation->level, 0);
 }
 
 TEST_F(SeparationServiceTest, WithoutASceneTheRobotStopsWithTheReason) {

@@ -29,8 +29,8 @@ constexpr double kLeastToLeave = 0.05;
 // How fast somebody comes nearer is judged by this many decisions.
 constexpr size_t kDecisionsOfApproach = 3;
 
-// Between places at which the oracle looks, metres.
-constexpr double kOracleStep = 0.1;
+// Between places on a path at which the truth is looked at, metres.
+constexpr double kTrueStep = 0.1;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 class LightCurtain : public Method {
@@ -95,15 +95,12 @@ class SpeedLevels : public Method {
       : Method(rule), protective_(rule.ProtectiveDistances()) {}
 
   Decision Decide(const Situation& now) override {
+    const auto kept = LevelsKeptAhead(
+        now, [&](const std::vector<Configuration>& way) { return Along(now, way); });
+    if (!kept) return {};
+    Note(now.time, kept->at_start);
     const std::vector<SpeedLevel>& levels = rule().separation.levels;
-    std::optional<PathDistance> way;
-    size_t kept = levels.size();
-    do {
-      way = Along(now, now.robot.Ahead(levels[kept - 1].speed * rule().period));
-      if (!way) return {};
-    } while (way->distance < protective_[kept - 1] && --kept > 0);
-    Note(now.time, way->at_start);
-    if (kept > 0) return {levels[kept - 1].speed};
+    if (kept->count > 0) return {levels[kept->count - 1].speed};
     if (LeadsAway(now, now.robot.Ahead(kWayOut))) return {levels.front().speed, true};
     return {};
   }
@@ -126,9 +123,9 @@ class SpeedLevels : public Method {
   }
 
   double AllowedInTruth(const Situation& now) const override {
-    const double distance = now.truth.Distance(now.robot.at(), protective_.back());
-    const size_t kept = LevelsKept(protective_, distance);
-    return kept == 0 ? 0 : rule().separation.levels[kept - 1].speed;
+    const auto kept = LevelsKeptAhead(
+        now, [&](const std::vector<Configuration>& way) { return InTruth(now, way); });
+    return kept->count == 0 ? 0 : rule().separation.levels[kept->count - 1].speed;
   }
 
  protected:
@@ -136,9 +133,45 @@ class SpeedLevels : public Method {
   virtual std::optional<PathDistance> Along(const Situation& now,
                                             const std::vector<Configuration>& way) const = 0;
   virtual double At(const Situation& now, std::span<const double> q) const = 0;
-  const std::vector<double>& protective() const { return protective_; }
+  // Along, by the truth; always known.
+  std::optional<PathDistance> InTruth(const Situation& now,
+                                      const std::vector<Configuration>& way) const {
+    const auto exact = [&](std::span<const double> q) {
+      return now.truth.Distance(q, protective_.back());
+    };
+    PathDistance path;
+    path.distance = path.at_start = exact(way.front());
+    for (size_t i = 1; i < way.size(); ++i) {
+      const double steps = std::ceil(now.robot.MovementOf(way[i - 1], way[i]) / kTrueStep);
+      for (double step = 1; step <= steps; ++step) {
+        Configuration q = way[i - 1];
+        for (size_t j = 0; j < q.size(); ++j) q[j] += step / steps * (way[i][j] - q[j]);
+        path.distance = std::min(path.distance, exact(q));
+      }
+    }
+    return path;
+  }
 
  private:
+  struct KeptLevels {
+    size_t count = 0;     // the slow ones first
+    double at_start = 0;  // metres
+  };
+  // The levels that keep their distance from where the robot is until it stands, if it goes on at
+  // them until the next decision. Nothing: not known.
+  template <typename Distance>
+  std::optional<KeptLevels> LevelsKeptAhead(const Situation& now, const Distance& along) const {
+    const std::vector<SpeedLevel>& levels = rule().separation.levels;
+    std::optional<PathDistance> way;
+    size_t kept = levels.size();
+    do {
+      const SpeedLevel& level = levels[kept - 1];
+      const double stops = std::max(level.stopping_distance, now.robot.StoppingDistance());
+      way = along(now.robot.Ahead(level.speed * rule().period + stops));
+      if (!way) return std::nullopt;
+    } while (way->distance < protective_[kept - 1] && --kept > 0);
+    return KeptLevels{kept, way->at_start};
+  }
   void Note(double time, double distance) {
     if (!noted_.empty() && noted_.back().time == time) noted_.pop_back();
     noted_.push_back({time, distance});
@@ -201,26 +234,11 @@ class Oracle : public SpeedLevels {
  protected:
   std::optional<PathDistance> Along(const Situation& now,
                                     const std::vector<Configuration>& way) const override {
-    PathDistance path;
-    path.distance = path.at_start = Exact(now, way.front());
-    for (size_t i = 1; i < way.size(); ++i) {
-      const double steps = std::ceil(now.robot.MovementOf(way[i - 1], way[i]) / kOracleStep);
-      for (double step = 1; step <= steps; ++step) {
-        Configuration q = way[i - 1];
-        for (size_t j = 0; j < q.size(); ++j) q[j] += step / steps * (way[i][j] - q[j]);
-        path.distance = std::min(path.distance, Exact(now, q));
-      }
-    }
-    return path;
+    return InTruth(now, way);
   }
   // Of the many places that are looked at in planning, by balls.
   double At(const Situation& now, std::span<const double> q) const override {
     return now.truth.AtLeast(q);
-  }
-
- private:
-  double Exact(const Situation& now, std::span<const double> q) const {
-    return now.truth.Distance(q, protective().back());
   }
 };
 
