@@ -53,6 +53,21 @@ TEST(Demo, PlansAroundTheObstaclesAndReportsNoContactFree) {
   }
 }
 
+TEST(Demo, DeletesNothingInAFolderThatIsNotEmpty) {
+  const fs::path folder = silhouette::TestFolder() / "mine";
+  fs::create_directories(folder);
+  std::ofstream(folder / "thesis.txt") << "mine";
+  const std::string log = (silhouette::TestFolder() / "refused.log").string();
+  const std::string command = "cd " + silhouette::TestFolder().string() + " && " +
+                              silhouette::SourceFolder() + "/tools/demo --out mine --programs " +
+                              silhouette::ProgramFolder() + " >" + log + " 2>&1";
+  const int status = std::system(command.c_str());
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 2) << status;
+  EXPECT_EQ(Read(log), "tools/demo: '" + fs::canonical(folder).string() +
+                           "' is not empty: name a new folder\n");
+  EXPECT_EQ(Read(folder / "thesis.txt"), "mine");
+}
+
 TEST(Demo, PlansForSixAxesWithoutContactByAModelThatCapturedImagesVerified) {
   const fs::path folder = silhouette::TestFolder() / "six-axes";
   const std::string log = folder.string() + ".log";
