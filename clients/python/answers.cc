@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 
 #include <array>
+#include <cmath>
 #include <limits>
 
 #include "clients/python/bindings.h"
@@ -194,6 +195,11 @@ void BindPath(py::module_& module) {
 }
 
 }  // namespace
+
+absl::Duration SecondsOf(double seconds, const std::string& what) {
+  if (std::isnan(seconds)) throw std::invalid_argument(what + " is not a number of seconds");
+  return absl::Seconds(seconds);
+}
 
 std::vector<Configuration> RowsOf(const Doubles& array, const std::string& what) {
   if (array.ndim() != 2) {

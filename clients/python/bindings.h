@@ -44,12 +44,15 @@ auto Ask(F call) {
   return *std::move(answer);
 }
 
+// Throws std::invalid_argument, naming `what`, for NaN: absl::Seconds() makes it an infinite time.
+absl::Duration SecondsOf(double seconds, const std::string& what);
+
 // Calls `wait(slice)` until it returns true or `timeout` seconds (none: for ever) are over. Between
 // the slices Python may handle signals, so that Ctrl-C ends any wait.
 template <typename F>
 bool WaitInSlices(std::optional<double> timeout, F wait) {
   const absl::Duration slice = absl::Milliseconds(100);
-  absl::Duration left = timeout ? absl::Seconds(*timeout) : absl::InfiniteDuration();
+  absl::Duration left = timeout ? SecondsOf(*timeout, "timeout") : absl::InfiniteDuration();
   while (true) {
     if (wait(std::min(left, slice))) return true;
     left -= slice;

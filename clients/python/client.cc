@@ -21,7 +21,7 @@ using Joints = std::map<std::string, double>;
 
 // A time of Python's time.monotonic(), which has the same clock.
 Clock::time_point MonotonicTime(double seconds) {
-  return Clock::time_point(absl::ToChronoNanoseconds(absl::Seconds(seconds)));
+  return Clock::time_point(absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
 }
 
 client::Clearance Measured(bool clearance) {
@@ -76,7 +76,7 @@ py::object AllowRegion(const Client& client, const std::string& name, const py::
                        double duration) {
   v1::AllowRegionRequest request;
   request.set_name(name);
-  *request.mutable_duration() = client::ToMessage(absl::Seconds(duration));
+  *request.mutable_duration() = client::ToMessage(SecondsOf(duration, "duration"));
   for (const auto& [view, pixels] : views) {
     v1::RegionPixels& region = *request.add_views();
     region.set_view(py::cast<std::string>(view));
@@ -265,7 +265,7 @@ void BindChecksOf(py::class_<Client>& type) {
           [](const Client& at, const Policy& policy, const std::vector<uint64_t>& tiles,
              std::optional<double> max_time, const std::vector<double>& levels) {
             std::optional<absl::Duration> limit;
-            if (max_time) limit = absl::Seconds(*max_time);
+            if (max_time) limit = SecondsOf(*max_time, "max_time");
             return Ask([&] { return at.GetConfigurationSpace(policy, tiles, limit, levels); });
           },
           py::kw_only(), py::arg("policy") = Policy(), py::arg("tiles") = std::vector<uint64_t>(),
@@ -348,7 +348,7 @@ void BindClient(py::module_& module) {
                        const std::string& tls_ca, const std::string& tls_certificate,
                        const std::string& tls_key) {
              auto client =
-                 Client::Connect(address, absl::Seconds(timeout),
+                 Client::Connect(address, SecondsOf(timeout, "timeout"),
                                  {.ca = tls_ca, .certificate = tls_certificate, .key = tls_key});
              if (!client.ok()) throw StatusError(client.status());
              return client->WithVariant(variant);
@@ -363,7 +363,9 @@ void BindClient(py::module_& module) {
       .def_property_readonly("address", &Client::address)
       .def(
           "with_timeout",
-          [](const Client& at, double timeout) { return at.WithTimeout(absl::Seconds(timeout)); },
+          [](const Client& at, double timeout) {
+            return at.WithTimeout(SecondsOf(timeout, "timeout"));
+          },
           py::arg("timeout"), "The same connection. timeout: seconds.")
       .def("with_variant", &Client::WithVariant, py::arg("variant"),
            "The same connection for another variant of the robot.");

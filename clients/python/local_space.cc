@@ -243,15 +243,15 @@ void BindLocalSpace(py::module_& module) {
              return std::make_unique<PythonSpace>(
                  client, client::LocalSpaceOptions{.policy = policy,
                                                    .tiles = std::move(tiles),
-                                                   .max_age = absl::Seconds(max_age),
+                                                   .max_age = SecondsOf(max_age, "max_age"),
                                                    .obstacles = obstacles});
            }),
            py::arg("client"), py::kw_only(), py::arg("policy") = client::Policy(),
            py::arg("max_age") = 1.0, py::arg("tiles") = std::vector<uint64_t>(),
            py::arg("obstacles") = true,
            "Subscribes and returns at once.\n\n"
-           "max_age: greatest age of a usable scene, seconds. The server's own max_age also "
-           "applies.\n"
+           "max_age: greatest age of a usable scene, seconds, positive and finite. The server's "
+           "own max_age also applies.\n"
            "tiles: only these tiles of the grid; empty: all.\n"
            "obstacles: of a robot whose images are drawn, hold the scene's obstacles.")
       .def("__enter__", [](py::object self) { return self; })

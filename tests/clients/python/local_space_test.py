@@ -55,8 +55,11 @@ def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
     with silhouette.LocalSpace(client, max_age=1e-6) as space:
         space.wait_for_update(after=0, timeout=20)
         assert not space.check_many([[0.0, 0.0]]).all_free
-    with pytest.raises(ValueError):
-        silhouette.LocalSpace(client, max_age=0.0)
+    for never_over in (0.0, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match="max_age"):
+            silhouette.LocalSpace(client, max_age=never_over)
+    with pytest.raises(ValueError, match="timeout is not a number"):
+        client.with_timeout(float("nan"))
 
 
 def test_a_lost_server_is_unknown_and_no_exception(cell):
