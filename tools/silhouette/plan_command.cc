@@ -146,13 +146,15 @@ absl::Status PlanWritePicture(const Findings& findings, const std::string& path)
 Json PlanJsonOf(const Findings& findings) {
   const client::StateCounts counts = findings.space.Count();
   const Plan& plan = findings.search.plan;
-  Json json{{"found", findings.found()},
-            {"outcome", OutcomeText(findings)},
-            {"path_waypoints", findings.found() ? plan.waypoints.size() : 0},
-            {"length_steps", plan.length},
-            {"places_checked", findings.check ? Json(findings.check->checked) : Json()},
-            {"waves", findings.search.rounds},
-            {"blocked_moves", findings.search.blocked_moves}};
+  Json json{
+      {"found", findings.found()},
+      {"outcome", OutcomeText(findings)},
+      {"path_waypoints", findings.found() ? plan.waypoints.size() : 0},
+      {"length_steps", plan.length},
+      {"places_checked", findings.check ? Json(findings.check->checked) : Json()},
+      {"hidden_possible", findings.check ? Json(findings.check->verdict.hidden_possible) : Json()},
+      {"waves", findings.search.rounds},
+      {"blocked_moves", findings.search.blocked_moves}};
   json.update(JsonOf(findings.check ? findings.check->basis : findings.space.basis()));
   json.update({{"space_ms", findings.space_ms},
                {"configurations", findings.space.grid().size()},
@@ -179,8 +181,7 @@ std::string PlanTextOf(const Findings& findings) {
     text = absl::StrFormat("a path of %d waypoints, %.4g grid steps long\n", plan.waypoints.size(),
                            plan.length);
     for (const Configuration& q : plan.waypoints) absl::StrAppend(&text, "  ", Spoken(q), "\n");
-    absl::StrAppend(&text, "free: ", findings.check->checked, " places checked, ",
-                    Spoken(findings.check->basis), "\n");
+    absl::StrAppend(&text, Spoken(*findings.check), ", ", Spoken(findings.check->basis), "\n");
   } else {
     text = absl::StrCat("no path: ", OutcomeText(findings), "\n");
   }

@@ -101,8 +101,7 @@ std::string MotionPlanText(const MotionPlan& plan) {
                                      plan.search.waypoints.size(), plan.planner, plan.search_ms);
   for (const Configuration& q : plan.search.waypoints)
     absl::StrAppend(&text, "  ", Spoken(q), "\n");
-  return absl::StrCat(text, "free: ", plan.check->checked, " places checked, ",
-                      Spoken(plan.check->basis), "\n");
+  return absl::StrCat(text, Spoken(*plan.check), ", ", Spoken(plan.check->basis), "\n");
 }
 
 }  // namespace
@@ -123,7 +122,8 @@ absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& cli
             {"planner", plan.planner},
             {"motions_checked", planner == "trees" ? Json(plan.search.checks) : Json()},
             {"search_ms", plan.search_ms},
-            {"places_checked", plan.check ? Json(plan.check->checked) : Json()}};
+            {"places_checked", plan.check ? Json(plan.check->checked) : Json()},
+            {"hidden_possible", plan.check ? Json(plan.check->verdict.hidden_possible) : Json()}};
   json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
   PrintResult(session.format, json, MotionPlanText(plan));
   return plan.found() ? kDone : kNo;
