@@ -15,23 +15,56 @@ namespace {
 
 std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
 
+// Where white is, a pixel being white or black in every channel; an image with a channel more than
+// grey or colour need is opaque. `image` has 8 or 16 bits a channel.
+absl::StatusOr<Mask> WhiteOf(const cv::Mat& image) {
+  cv::Mat values;
+  image.convertTo(values, CV_16U);
+  const int white = image.depth() == CV_8U ? 255 : 65535;
+  const int channels = values.channels();
+  const int colours = channels % 2 == 0 ? channels - 1 : channels;
+  for (int y = 0; y < values.rows; ++y) {
+    for (int x = 0; x < values.cols; ++x) {
+      const uint16_t* const pixel = values.ptr<uint16_t>(y) + x * channels;
+      if (colours < channels && pixel[colours] != white) {
+        return absl::InvalidArgumentError(absl::StrCat("pixel (", x, ", ", y,
+                                                       ") is transparent; a mask is black and "
+                                                       "white, without transparency"));
+      }
+      for (int channel = 0; channel < colours; ++channel) {
+        if ((pixel[channel] != 0 && pixel[channel] != white) || pixel[channel] != pixel[0]) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("pixel (", x, ", ", y, ") is neither black (0) nor white (", white,
+                           ") but ", pixel[channel], "; a mask has only these two"));
+        }
+      }
+    }
+  }
+  return Mask::FromPredicate({values.cols, values.rows}, [&](int x, int y) {
+    return values.ptr<uint16_t>(y)[x * channels] == white;
+  });
+}
+
 }  // namespace
 
 std::string EncodeMaskPng(const Mask& mask) { return EncodePng(MaskImage(mask)); }
 
 absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
-  cv::Mat grey;
+  cv::Mat image;
   if (!bytes.empty()) {
     const cv::Mat input(1, static_cast<int>(bytes.size()), CV_8UC1,
                         const_cast<char*>(bytes.data()));
     try {
-      grey = cv::imdecode(input, cv::IMREAD_GRAYSCALE);
+      image = cv::imdecode(input, cv::IMREAD_UNCHANGED);
     } catch (const cv::Exception&) {
-      grey.release();
+      image.release();
     }
   }
-  if (grey.empty()) return absl::InvalidArgumentError("it is not an image");
-  const MaskSize size{grey.cols, grey.rows};
+  if (image.empty()) return absl::InvalidArgumentError("it is not an image");
+  if (image.depth() != CV_8U && image.depth() != CV_16U) {
+    return absl::InvalidArgumentError("it has neither 8 nor 16 bits a channel");
+  }
+  const MaskSize size{image.cols, image.rows};
   if (expected && size != *expected) {
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large and should be ",
@@ -41,7 +74,7 @@ absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSiz
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large; a mask is at most 1024x1024"));
   }
-  return Mask::FromPredicate(size, [&](int x, int y) { return grey.at<uint8_t>(y, x) >= 128; });
+  return WhiteOf(image);
 }
 
 absl::StatusOr<Mask> ReadMaskPng(const std::string& path, std::optional<MaskSize> expected) {

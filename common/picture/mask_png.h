@@ -15,9 +15,10 @@ namespace silhouette {
 // The bytes of a PNG file. The mask has a valid size.
 std::string EncodeMaskPng(const Mask& mask);
 
-// The mask in the bytes of an image file, PNG or any other kind that OpenCV reads; a pixel is set
-// if its grey value is at least 128. InvalidArgument if it is no image, is not of the size
-// `expected` (nothing: any size that a mask can have).
+// The mask in the bytes of an image file, PNG or any other kind that OpenCV reads: white is set,
+// black is not. InvalidArgument if it is no image, is not of the size `expected` (nothing: any size
+// that a mask can have), or has a pixel of another value: a mask of zeros and ones would else be
+// taken for one with nothing in it.
 absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes,
                                    std::optional<MaskSize> expected = std::nullopt);
 

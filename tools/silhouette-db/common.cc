@@ -49,6 +49,10 @@ absl::StatusOr<int> ViewOf(const storage::v1::CellDescription& cell, const std::
       absl::StrCat("there is no view '", name, "'; the views are ", absl::StrJoin(known, ", ")));
 }
 
+bool ShowsNoRobot(const RobotImage& image) {
+  return !image.excluded && std::ranges::all_of(image.masks, &Mask::Empty);
+}
+
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number) {
   const Configuration q = grid.At(number);
   std::vector<std::string> parts;

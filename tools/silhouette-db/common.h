@@ -28,6 +28,10 @@ absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path,
 // InvalidArgument, naming those that there are.
 absl::StatusOr<int> ViewOf(const storage::v1::CellDescription& cell, const std::string& name);
 
+// Whether a robot image shows no robot in any view: no obstacle could meet it, and it would always
+// be free.
+bool ShowsNoRobot(const RobotImage& image);
+
 // "axis_1 = 0.5, axis_2 = -1.25": joint values as people read them.
 std::string JointText(const ConfigurationGrid& grid, ConfigurationNumber number);
 

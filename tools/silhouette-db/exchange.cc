@@ -248,6 +248,10 @@ absl::Status TableReader::ReadMasks(const std::vector<std::string>& cells,
     }
     image.masks.push_back(*std::move(mask));
   }
+  if (ShowsNoRobot(image)) {
+    return absl::InvalidArgumentError(
+        "no mask has a pixel of the robot (white), so that no obstacle could ever meet it");
+  }
   return absl::OkStatus();
 }
 

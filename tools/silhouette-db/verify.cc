@@ -136,6 +136,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   Progress progress("verify", index.snapshot().size(), "records");
   IndexCheck index_check(index);
   uint64_t done = 0;
+  std::vector<ConfigurationNumber> without_robot;
   const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
     if (!image.ok()) {
       ++findings.damaged;
@@ -144,6 +145,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
     } else {
       image->excluded ? ++findings.excluded : ++findings.captured;
       fixed_joints.Take(*image);
+      if (ShowsNoRobot(*image)) without_robot.push_back(number);
     }
     index_check.Take(number, image);
     progress.Update(++done);
@@ -152,6 +154,12 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
   fixed_joints.Report(findings);
+  if (!without_robot.empty()) {
+    findings.faults.push_back(absl::StrCat(
+        "robot images without a pixel of the robot in any view, which no obstacle can meet: ",
+        without_robot.size(), ", the first at ", JointText(grid, without_robot.front()),
+        "; capture them again, or import them with --replace"));
+  }
   for (std::string& fault : index_check.Finish()) findings.faults.push_back(std::move(fault));
   if (absl::IsDataLoss(status)) {
     findings.faults.emplace_back(status.message());

@@ -28,17 +28,42 @@ TEST(MaskPng, RoundTripsEverySize) {
   }
 }
 
-TEST(MaskPng, TakesGreyAndColourFromTheMiddleUp) {
-  cv::Mat grey(1, 4, CV_8UC1);
-  for (int x = 0; x < 4; ++x) grey.at<uint8_t>(0, x) = static_cast<uint8_t>(126 + x);
+std::string Png(const cv::Mat& image) {
+  std::vector<uint8_t> bytes;
+  cv::imencode(".png", image, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+TEST(MaskPng, WhiteOfEveryKindOfImageIsSet) {
   const Mask expected = Mask::FromPredicate({4, 1}, [](int x, int) { return x >= 2; });
-  cv::Mat colour;
-  cv::merge(std::vector<cv::Mat>{grey, grey, grey}, colour);
-  for (const cv::Mat& image : {grey, colour}) {
-    std::vector<uint8_t> bytes;
-    cv::imencode(".png", image, bytes);
-    EXPECT_EQ(*DecodeMaskPng(std::string(bytes.begin(), bytes.end())), expected);
+  for (const int depth : {CV_8U, CV_16U}) {
+    for (const int channels : {1, 3, 4}) {
+      const cv::Scalar white = cv::Scalar::all(depth == CV_8U ? 255 : 65535);
+      cv::Mat image(1, 4, CV_MAKETYPE(depth, channels), cv::Scalar(0, 0, 0, white[3]));
+      image.colRange(2, 4) = white;
+      EXPECT_EQ(*DecodeMaskPng(Png(image)), expected) << depth << " " << channels;
+    }
   }
+  cv::Mat grey = MaskImage(expected);
+  std::vector<uint8_t> one_bit;
+  cv::imencode(".png", grey, one_bit, {cv::IMWRITE_PNG_BILEVEL, 1});
+  EXPECT_EQ(*DecodeMaskPng(std::string(one_bit.begin(), one_bit.end())), expected);
+}
+
+TEST(MaskPng, OtherValuesThanBlackAndWhiteAreNoMask) {
+  const auto message = [](const cv::Mat& image) {
+    return std::string(DecodeMaskPng(Png(image)).status().message());
+  };
+  for (const int value : {1, 127, 128, 254}) {
+    cv::Mat grey(2, 4, CV_8UC1, cv::Scalar(0));
+    grey.at<uint8_t>(1, 3) = static_cast<uint8_t>(value);
+    EXPECT_EQ(message(grey), "pixel (3, 1) is neither black (0) nor white (255) but " +
+                                 std::to_string(value) + "; a mask has only these two");
+  }
+  EXPECT_THAT(message(cv::Mat(1, 1, CV_16UC1, cv::Scalar(1))), HasSubstr("white (65535) but 1;"));
+  EXPECT_THAT(message(cv::Mat(1, 1, CV_8UC3, cv::Scalar(255, 0, 0))), HasSubstr("neither black"));
+  EXPECT_THAT(message(cv::Mat(1, 1, CV_8UC4, cv::Scalar(255, 255, 255, 0))),
+              HasSubstr("pixel (0, 0) is transparent"));
 }
 
 TEST(MaskPng, TellsWhatIsWrongWithAFile) {

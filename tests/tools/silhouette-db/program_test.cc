@@ -28,6 +28,10 @@ using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
+Mask OnePixel(MaskSize size) {
+  return Mask::FromPredicate(size, [](int x, int y) { return x == 3 && y == 4; });
+}
+
 class SilhouetteDb : public ProgramTest {
  protected:
   SilhouetteDb() : ProgramTest("silhouette-db") {}
@@ -85,7 +89,7 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
       const ConfigurationNumber number = NumberAt(2, position > 0.255 ? 1 : 2);
       RobotImage image = TestImage(**database, number);
       image.excluded = false;
-      image.masks = {Mask({64, 64}), Mask({33, 20})};
+      image.masks = {OnePixel({64, 64}), Mask({33, 20})};
       image.measured = {0, 0, position};
       image.commanded = {0, 0, 0.25};
       ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
@@ -103,6 +107,23 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
   EXPECT_EQ(found["elsewhere"], 1);
   EXPECT_EQ(found["variants"][0]["fixed_joints"]["axis_3"]["highest"], 0.26);
   EXPECT_EQ(Run("verify db --fixed-joint-tolerance 0.02").exit_code, 0);
+}
+
+TEST_F(SilhouetteDb, VerifyTellsRobotImagesThatShowNoRobot) {
+  MakeDatabase("db");
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    RobotImage image = TestImage(**database, NumberAt(2, 1));
+    image.excluded = false;
+    image.masks = {Mask({64, 64}), Mask({33, 20})};
+    ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Ended text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.out, HasSubstr("without a pixel of the robot in any view, which no obstacle can "
+                                  "meet: 1, the first at axis_1 = "));
 }
 
 TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
@@ -350,9 +371,14 @@ TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
 
 TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
   Write("cell.yaml", kTestCellFile);
-  Write("l.png", EncodeMaskPng(Mask({64, 64})));
-  Write("t.png", EncodeMaskPng(Mask({33, 20})));
+  Write("l.png", EncodeMaskPng(OnePixel({64, 64})));
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
   Write("text.png", "no image");
+  Write("black.png", EncodeMaskPng(Mask({64, 64})));
+  Write("black_t.png", EncodeMaskPng(Mask({33, 20})));
+  std::vector<uint8_t> ones;
+  cv::imencode(".png", cv::Mat(64, 64, CV_8UC1, cv::Scalar(1)), ones);
+  Write("ones.png", std::string(ones.begin(), ones.end()));
   Write("configurations.csv",
         "axis_1,axis_2,left,top\n"
         "-1,-1,l.png,t.png\n"
@@ -365,7 +391,9 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
         "0,-1,l.png,\n"
         "0,-1,l.png\n"
         "-1,-1,l.png,t.png\n"
-        "1.5,1.5,l.png,t.png\n");
+        "1.5,1.5,l.png,t.png\n"
+        "0,-1,black.png,black_t.png\n"
+        "0,-1,ones.png,t.png\n");
   const Ended outcome = Run("import . --cell cell.yaml --database db");
   EXPECT_EQ(outcome.exit_code, 2);
   for (const char* message : {
@@ -379,7 +407,11 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
            "configurations.csv:9: view 'top' has no mask; only an excluded configuration",
            "configurations.csv:10: it has 3 cells, the header has 4",
            "configurations.csv:11: the same configuration is in line 2",
-           "9 lines are wrong; mend them and run it again, what is imported stays",
+           "configurations.csv:13: no mask has a pixel of the robot",
+           "configurations.csv:14: view 'left': './ones.png': pixel (0, 0) is neither black (0) "
+           "nor "
+           "white (255) but 1",
+           "11 lines are wrong; mend them and run it again, what is imported stays",
        }) {
     EXPECT_THAT(outcome.err, HasSubstr(message));
   }
