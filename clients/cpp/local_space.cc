@@ -45,8 +45,8 @@ class LocalSpace::Impl {
         variant_(std::move(variant)),
         options_(std::move(options)),
         published_(SnapshotOf({})) {
-    if (options_.max_age <= absl::ZeroDuration() || options_.max_age == absl::InfiniteDuration()) {
-      throw std::invalid_argument("max_age of a local space must be positive and finite");
+    if (options_.max_age <= absl::ZeroDuration()) {
+      throw std::invalid_argument("max_age of a local space must be positive");
     }
     thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
   }

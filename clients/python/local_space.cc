@@ -250,8 +250,8 @@ void BindLocalSpace(py::module_& module) {
            py::arg("max_age") = 1.0, py::arg("tiles") = std::vector<uint64_t>(),
            py::arg("obstacles") = true,
            "Subscribes and returns at once.\n\n"
-           "max_age: greatest age of a usable scene, seconds, positive and finite. The server's "
-           "own max_age also applies.\n"
+           "max_age: greatest age of a usable scene, seconds; inf: the server's own max_age, which "
+           "always applies, alone.\n"
            "tiles: only these tiles of the grid; empty: all.\n"
            "obstacles: of a robot whose images are drawn, hold the scene's obstacles.")
       .def("__enter__", [](py::object self) { return self; })

@@ -34,8 +34,8 @@ struct LocalSpaceOptions {
   Policy policy = {};
   // Only these tiles of the grid; everything else is unknown. Empty: all.
   std::vector<uint64_t> tiles = {};
-  // Greatest age of a usable scene, positive and finite. The server's own max_age also applies if
-  // it is smaller.
+  // Greatest age of a usable scene, positive. The server's own max_age also applies if it is
+  // smaller; infinite: that alone.
   absl::Duration max_age = absl::Seconds(1);
   // If robot images are drawn: hold the scene's obstacles, which decide any configuration; the map
   // only of `tiles`, or if the server has a collision index. Under the presets uncalibrated and
@@ -70,8 +70,8 @@ struct LocalSpaceStatus {
 // often should use snapshots, because single checks share a counter.
 class LocalSpace {
  public:
-  // Returns at once. Throws std::invalid_argument if max_age is not positive and finite. It uses
-  // the client's variant (Client::WithVariant); without one, the variant of the newest scene.
+  // Returns at once. Throws std::invalid_argument if max_age is not positive. It uses the client's
+  // variant (Client::WithVariant); without one, the variant of the newest scene.
   explicit LocalSpace(const Client& client, LocalSpaceOptions options = {});
   // Ends the subscription; waits for no server.
   ~LocalSpace();

@@ -55,9 +55,9 @@ def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
     with silhouette.LocalSpace(client, max_age=1e-6) as space:
         space.wait_for_update(after=0, timeout=20)
         assert not space.check_many([[0.0, 0.0]]).all_free
-    for never_over in (0.0, float("inf"), float("nan")):
+    for no_age in (0.0, float("nan")):
         with pytest.raises(ValueError, match="max_age"):
-            silhouette.LocalSpace(client, max_age=never_over)
+            silhouette.LocalSpace(client, max_age=no_age)
     with pytest.raises(ValueError, match="timeout is not a number"):
         client.with_timeout(float("nan"))
 
