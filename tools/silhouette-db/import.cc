@@ -223,7 +223,8 @@ void AddImport(CLI::App& app, Work& work) {
   command.footer(
       "configurations.csv has one column per joint of the grid, by its name (radians, metres), "
       "and\n"
-      "one per view with the path of a PNG mask, relative to the CSV.\n"
+      "one per view with the path of a PNG mask, relative to the CSV: the robot white, all else "
+      "black.\n"
       "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");
 }
 

@@ -182,7 +182,7 @@ void AddPublishCommand(CLI::App& scene, Session& session) {
   command
       ->add_option("--as", arguments->kind,
                    "What the images are: camera images, masks of the difference to the reference, "
-                   "or masks of obstacles")
+                   "or masks of obstacles; masks are black and white")
       ->check(CLI::IsMember({"camera", "mask", "obstacles"}))
       ->capture_default_str();
   command->add_option("--variant", session.variant,
