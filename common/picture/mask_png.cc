@@ -15,9 +15,9 @@ namespace {
 
 std::string SizeText(int width, int height) { return absl::StrCat(width, "x", height); }
 
-// Where white is, a pixel being white or black in every channel; an image with a channel more than
-// grey or colour need is opaque. `image` has 8 or 16 bits a channel.
-absl::StatusOr<Mask> WhiteOf(const cv::Mat& image) {
+// 255 where white is, a pixel being white or black in every channel; an image with a channel more
+// than grey or colour need is opaque. `image` has 8 or 16 bits a channel.
+absl::StatusOr<cv::Mat> WhiteOf(const cv::Mat& image) {
   cv::Mat values;
   image.convertTo(values, CV_16U);
   const int white = image.depth() == CV_8U ? 255 : 65535;
@@ -40,16 +40,16 @@ absl::StatusOr<Mask> WhiteOf(const cv::Mat& image) {
       }
     }
   }
-  return Mask::FromPredicate({values.cols, values.rows}, [&](int x, int y) {
-    return values.ptr<uint16_t>(y)[x * channels] == white;
-  });
+  cv::Mat first;
+  cv::extractChannel(values, first, 0);
+  return cv::Mat(first == white);
 }
 
 }  // namespace
 
 std::string EncodeMaskPng(const Mask& mask) { return EncodePng(MaskImage(mask)); }
 
-absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
+absl::StatusOr<cv::Mat> DecodeBlackAndWhite(std::string_view bytes) {
   cv::Mat image;
   if (!bytes.empty()) {
     const cv::Mat input(1, static_cast<int>(bytes.size()), CV_8UC1,
@@ -64,7 +64,12 @@ absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSiz
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
     return absl::InvalidArgumentError("it has neither 8 nor 16 bits a channel");
   }
-  const MaskSize size{image.cols, image.rows};
+  return WhiteOf(image);
+}
+
+absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
+  ASSIGN_OR_RETURN(const cv::Mat white, DecodeBlackAndWhite(bytes));
+  const MaskSize size{white.cols, white.rows};
   if (expected && size != *expected) {
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large and should be ",
@@ -74,7 +79,7 @@ absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSiz
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large; a mask is at most 1024x1024"));
   }
-  return WhiteOf(image);
+  return Mask::FromPredicate(size, [&](int x, int y) { return white.at<uint8_t>(y, x) != 0; });
 }
 
 absl::StatusOr<Mask> ReadMaskPng(const std::string& path, std::optional<MaskSize> expected) {

@@ -2,6 +2,7 @@
 // Masks as PNG images: one pixel of 8-bit grey per mask pixel, 255 set, 0 not.
 #pragma once
 
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,10 +16,13 @@ namespace silhouette {
 // The bytes of a PNG file. The mask has a valid size.
 std::string EncodeMaskPng(const Mask& mask);
 
-// The mask in the bytes of an image file, PNG or any other kind that OpenCV reads: white is set,
-// black is not. InvalidArgument if it is no image, is not of the size `expected` (nothing: any size
-// that a mask can have), or has a pixel of another value: a mask of zeros and ones would else be
-// taken for one with nothing in it.
+// An image file, PNG or any other kind that OpenCV reads, as 8-bit grey of the same size: 255 where
+// it is white, 0 where it is black. InvalidArgument if it is no image, or has a pixel that is
+// neither: an image of zeros and ones would else be taken for one with nothing in it.
+absl::StatusOr<cv::Mat> DecodeBlackAndWhite(std::string_view bytes);
+
+// The same as a mask: white is set, black is not. InvalidArgument also if it is not of the size
+// `expected` (nothing: any size that a mask can have).
 absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes,
                                    std::optional<MaskSize> expected = std::nullopt);
 

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <vector>
 
@@ -19,6 +18,7 @@
 #include "absl/time/clock.h"
 #include "capture/segmentation/down_sampling.h"
 #include "common/picture/files.h"
+#include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
@@ -29,28 +29,29 @@
 namespace silhouette {
 namespace {
 
-// A mask pixel proves nothing if any part of its square does not.
+// A mask pixel proves nothing if any part of its square does not. Messages do not name the view.
 absl::StatusOr<Mask> ReadIgnored(const ViewSettings& view) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(view.ignore));
-  cv::Mat grey;
-  try {
-    const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
-    if (!buffer.empty()) grey = cv::imdecode(buffer, cv::IMREAD_GRAYSCALE);
-  } catch (const cv::Exception&) {
-    grey.release();
-  }
-  if (grey.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("'", view.ignore, "' is not an image"));
-  }
+  const absl::StatusOr<cv::Mat> white = DecodeBlackAndWhite(bytes);
+  const auto wrong = [&](std::string_view why) {
+    return absl::InvalidArgumentError(absl::StrCat("'", view.ignore, "': ", why));
+  };
+  if (!white.ok()) return wrong(white.status().message());
   const cv::Size mask(view.mask_size.width, view.mask_size.height);
   const cv::Size image(view.image_width, view.image_height);
-  if (grey.size() != mask && grey.size() != image) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "'", view.ignore, "' is ", grey.cols, "x", grey.rows, " pixels large and should be ",
-        mask.width, "x", mask.height, ", as the mask, or ", image.width, "x", image.height,
-        ", as the camera image"));
+  if (white->size() != mask && white->size() != image) {
+    return wrong(absl::StrCat("it is ", white->cols, "x", white->rows,
+                              " pixels large and should be ", mask.width, "x", mask.height,
+                              ", as the mask, or ", image.width, "x", image.height,
+                              ", as the camera image"));
   }
-  return DownSample(grey, view.mask_size, 0);
+  const Mask ignored = DownSample(*white, view.mask_size, 0);
+  if (ignored.Count() == view.mask_size.pixels()) {
+    return wrong(
+        "it is white everywhere, so that the view would show no obstacle; paint white "
+        "only what proves nothing");
+  }
+  return ignored;
 }
 
 // The safety margins and ignored pixels that the cell file states. Reads the images of ignored
