@@ -20,6 +20,9 @@ void RequireNotNegative(double value, const std::string& name) {
 void RequireValid(const SeparationSettings& settings) {
   RequireNotNegative(settings.human_speed, "human_speed");
   RequireNotNegative(settings.near_human_speed, "near_human_speed");
+  if (settings.near_human_speed < settings.human_speed) {
+    throw std::invalid_argument("near_human_speed: it is at least human_speed");
+  }
   RequireNotNegative(settings.reaction_time, "reaction_time");
   RequireNotNegative(settings.intrusion, "intrusion");
   RequireNotNegative(settings.uncertainty, "uncertainty");

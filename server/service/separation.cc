@@ -126,6 +126,10 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
   }
   ASSIGN_OR_RETURN(const SeparationSettings settings, SettingsFrom(request, basis->settings()));
   const double horizon = request.has_horizon() ? request.horizon() : kAllOfIt;
+  // Where nothing moves, all parts count, in every direction.
+  const bool moves = std::ranges::any_of(
+      waypoints, [&](const Configuration& q) { return q != waypoints.front(); });
+  if (!moves) waypoints = waypoints.first(1);
   int64_t places = 0;
   const auto stop = [&] { return ++places > kMostPlaces || Stopped(cancelled); };
   const auto kept = LevelsKeptOn(serving, checker, waypoints, settings, horizon, stop);

@@ -142,6 +142,7 @@ TEST(SeparationSettings, RefusesWhatCannotBe) {
     change(settings);
     EXPECT_THROW(RequireValid(settings), std::invalid_argument);
   };
+  refused([](SeparationSettings& s) { s.near_human_speed = 0.9 * s.human_speed; });
   refused([](SeparationSettings& s) { s.levels.clear(); });
   refused([](SeparationSettings& s) { s.levels[1].name = "slow"; });
   refused([](SeparationSettings& s) { s.levels[0].name.clear(); });

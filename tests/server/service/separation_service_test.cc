@@ -94,6 +94,15 @@ TEST_F(SeparationServiceTest, WithoutADirectionWhatTheRobotMovesUntilItStandsCou
   EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3) + 1.0 * reaction + 0.2, 1e-9);
 }
 
+TEST_F(SeparationServiceTest, ARobotThatStaysKeepsTheDistanceOfOnePlace) {
+  Publish();
+  const auto place = Ask({{0.9, 0}});
+  const auto path = Ask({{0.9, 0}, {0.9, 0}, {0.9, 0}});
+  ASSERT_TRUE(path.ok() && path->separation && place.ok() && place->separation) << path.status();
+  EXPECT_EQ(path->separation->level, place->separation->level);
+  EXPECT_EQ(path->separation->distance, place->separation->distance);
+}
+
 // The path comes nearer and nearer: what the level moves until it stands decides.
 TEST_F(SeparationServiceTest, TheHorizonGoesOnUntilTheRobotStands) {
   Publish();
