@@ -44,15 +44,6 @@ uint64_t ConfigurationsIn(const ConfigurationGrid& grid, uint64_t tile) {
   return count;
 }
 
-// Leaves nothing of a database in a folder, nor the folder.
-void RemoveDatabase(const std::string& folder) {
-  std::error_code ignored;
-  for (const char* name : {schema::kDataFile, schema::kLockFile, schema::kWriterFile}) {
-    std::filesystem::remove(std::filesystem::path(folder) / name, ignored);
-  }
-  std::filesystem::remove(folder, ignored);
-}
-
 // Gives a finished folder its name, for good.
 absl::Status MoveInto(const std::string& folder, const std::string& into) {
   std::error_code error;

@@ -131,6 +131,14 @@ absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
 Database::Database(std::shared_ptr<DatabaseState> state) : state_(std::move(state)) {}
 Database::~Database() = default;
 
+void RemoveDatabase(const std::string& path) {
+  std::error_code ignored;
+  for (const char* name : {schema::kDataFile, schema::kLockFile, schema::kWriterFile}) {
+    std::filesystem::remove(std::filesystem::path(path) / name, ignored);
+  }
+  std::filesystem::remove(path, ignored);
+}
+
 absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& path,
                                                            const CellDescription& cell) {
   ASSIGN_OR_RETURN(std::shared_ptr<DatabaseState> state, Describe(path, cell));

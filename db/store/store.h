@@ -303,6 +303,9 @@ class Database {
   std::shared_ptr<DatabaseState> state_;
 };
 
+// Leaves nothing of a database in the folder `path`, nor the folder if nothing else is in it.
+void RemoveDatabase(const std::string& path);
+
 // A variant in one state.
 struct VariantState {
   std::unique_ptr<Database> database;

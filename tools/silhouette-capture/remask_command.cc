@@ -34,8 +34,7 @@ struct RemaskArguments {
 absl::StatusOr<std::unique_ptr<Database>> MakeBeside(const std::string& folder,
                                                      storage::v1::CellDescription description,
                                                      const Cell& cell, const Database& source) {
-  std::error_code ignored;
-  std::filesystem::remove_all(folder, ignored);
+  RemoveDatabase(folder);
   description.set_segmentation(Describe(cell.segmentation));
   *description.mutable_tile_edges() = source.cell().tile_edges();
   return Database::Create(folder, description);
@@ -79,11 +78,11 @@ absl::StatusOr<std::vector<RemaskedVariant>> RemaskInto(const RemaskArguments& o
                                                         const CellFile& file) {
   ASSIGN_OR_RETURN(const auto source,
                    OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
-  const std::string part = options.into + ".part";
+  const std::string part = BesideDatabase(options.into, ".part");
   ASSIGN_OR_RETURN(auto database, MakeBeside(part, DescriptionOf(file.cell), file.cell, *source));
   absl::Cleanup remove = [&] {
-    std::error_code ignored;
-    std::filesystem::remove_all(part, ignored);
+    database.reset();
+    RemoveDatabase(part);
   };
   RETURN_IF_ERROR(CopyReferences(*source, *database));
   auto made = MakeMasks(options, file, *source, *database);
@@ -107,8 +106,7 @@ absl::StatusOr<std::vector<RemaskedVariant>> RemaskInPlace(const RemaskArguments
   ASSIGN_OR_RETURN(auto masks, MakeBeside(beside, database->cell(), file.cell, *database));
   const absl::Cleanup remove = [&] {
     masks.reset();
-    std::error_code ignored;
-    std::filesystem::remove_all(beside, ignored);
+    RemoveDatabase(beside);
   };
   auto made = MakeMasks(options, file, *database, *masks);
   if (!made.ok()) return made;

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <regex>
@@ -121,8 +122,15 @@ TEST(CaptureSessions, RemaskedHoldsWhatACaptureWithTheSameSettingsHolds) {
   ASSERT_NE(before, other.Content());
   cell.WriteCell({kKeepImagesAndHalfCovered});
 
-  // Into another database, from which everything else stays away.
-  Outcome outcome = cell.Run(cell.Arguments("remask", {"--into", cell / "other.lmdb"}));
+  // Into another database, from which everything else stays away, and which deletes nothing else.
+  const std::string part = cell / "other.lmdb.part";
+  std::filesystem::create_directory(part);
+  std::ofstream(part + "/notes.txt") << "mine";
+  Outcome outcome = cell.Run(cell.Arguments("remask", {"--into", cell / "other.lmdb/"}));
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.err;
+  EXPECT_TRUE(std::filesystem::exists(part + "/notes.txt"));
+  std::filesystem::remove_all(part);
+  outcome = cell.Run(cell.Arguments("remask", {"--into", cell / "other.lmdb/"}));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_EQ(cell.Content(), before);
   EXPECT_FALSE(std::filesystem::exists(cell / "other.lmdb.part"));
