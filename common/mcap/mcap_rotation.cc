@@ -8,9 +8,23 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
+namespace {
+
+constexpr char kTimeInName[] = "%E4Y%m%dT%H%M%E3SZ";
+
+// Whether a file has the name that Begin() gives.
+bool IsNamedAfterTime(std::string_view name, const std::string& prefix) {
+  absl::Time time;
+  std::string error;
+  return absl::ConsumePrefix(&name, absl::StrCat(prefix, "-")) &&
+         absl::ConsumeSuffix(&name, ".mcap") && absl::ParseTime(kTimeInName, name, &time, &error);
+}
+
+}  // namespace
 
 McapRotation::McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
                            std::function<std::vector<McapMessage>()> opening)
@@ -26,7 +40,7 @@ absl::Status McapRotation::Begin(absl::Time time) {
        named += absl::Milliseconds(1)) {
     writer = McapWriter::Create(
         absl::StrCat(settings_.folder, "/", settings_.prefix, "-",
-                     absl::FormatTime("%Y%m%dT%H%M%E3SZ", named, absl::UTCTimeZone()), ".mcap"),
+                     absl::FormatTime(kTimeInName, named, absl::UTCTimeZone()), ".mcap"),
         channels_);
   }
   RETURN_IF_ERROR(writer.status());
@@ -44,8 +58,7 @@ void McapRotation::MakeRoom() const {
   std::vector<std::filesystem::path> files;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(settings_.folder, error)) {
-    const std::string name = entry.path().filename();
-    if (name.starts_with(settings_.prefix + "-") && name.ends_with(".mcap")) {
+    if (IsNamedAfterTime(entry.path().filename().string(), settings_.prefix)) {
       files.push_back(entry.path());
     }
   }

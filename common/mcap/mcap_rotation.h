@@ -23,7 +23,7 @@ struct McapRotationSettings {
   std::string prefix;
   // A file of this many bytes is ended, and the next one begins; above 0.
   uint64_t file_bytes = 0;
-  // The number of files of this prefix that are kept, the one that is written included; above 0.
+  // The number of files of such names that are kept, the one that is written included; above 0.
   int files = 0;
 };
 

@@ -200,6 +200,7 @@ TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
 
 TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
   std::ofstream(folder_ / "a-note.txt") << "of somebody else";
+  std::ofstream(folder_ / "r-0-incident.mcap") << "under a name of somebody else";
   McapRotation files({folder_, "r", 3000, 3}, kChannels,
                      [] { return std::vector{At(-100, "opening", 1)}; });
   for (int i = 0; i < 40; ++i) {
@@ -208,10 +209,11 @@ TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
   }
   ASSERT_TRUE(files.Close().ok());
   const std::vector<std::string> names = Files();
-  ASSERT_THAT(names, SizeIs(4));
+  ASSERT_THAT(names, SizeIs(5));
   EXPECT_EQ(names[0], "a-note.txt");
+  EXPECT_EQ(names[1], "r-0-incident.mcap");
   std::vector<std::string> kept;
-  for (size_t i = 1; i < names.size(); ++i) {
+  for (size_t i = 2; i < names.size(); ++i) {
     const std::string path = folder_ / names[i];
     EXPECT_LT(std::filesystem::file_size(path), 5000u);
     const Read read = ReadFile(path);
