@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -142,9 +143,11 @@ Json CheckJsonOf(const std::vector<Configuration>& configurations,
   return json;
 }
 
-// Lines of standard input; a read that waits ends with Ctrl-C.
+// Lines of standard input; a read that waits ends with Ctrl-C, or once `ended` is true.
 class InputLines {
  public:
+  explicit InputLines(const std::atomic<bool>& ended) : ended_(ended) {}
+
   // Nothing at the end.
   std::optional<std::string> Next() {
     while (true) {
@@ -156,13 +159,13 @@ class InputLines {
       }
       if (!Fill()) break;
     }
-    if (buffer_.empty() || StopRequested()) return std::nullopt;
+    if (buffer_.empty() || StopRequested() || ended_) return std::nullopt;
     return std::exchange(buffer_, "");
   }
 
  private:
   bool Fill() {
-    while (!StopRequested()) {
+    while (!StopRequested() && !ended_) {
       pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
       if (poll(&input, 1, /*milliseconds=*/50) <= 0) continue;
       char bytes[4096];
@@ -174,6 +177,7 @@ class InputLines {
     return false;
   }
 
+  const std::atomic<bool>& ended_;
   std::string buffer_;
 };
 
@@ -198,6 +202,7 @@ class Asked {
 struct CheckLinesOutcome {
   bool all_free = true;
   absl::Status status;  // why they ended, if before the last one
+  std::atomic<bool> ended = false;
 };
 
 void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& asked,
@@ -227,8 +232,9 @@ void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& as
 
 // Asks about all lines. Returns the mistake in a line that ended it early; an error of the stream
 // is returned by its answers.
-absl::Status CheckLinesAsk(const Session& session, client::CheckStream& stream, Asked& asked) {
-  InputLines input;
+absl::Status CheckLinesAsk(const Session& session, client::CheckStream& stream, Asked& asked,
+                           const std::atomic<bool>& answers_ended) {
+  InputLines input(answers_ended);
   uint64_t number = 0;
   while (const std::optional<std::string> line = input.Next()) {
     ++number;
@@ -262,8 +268,11 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   client::CheckStream stream = client.StreamChecks();
   Asked asked;
   CheckLinesOutcome outcome;
-  std::jthread printer([&] { PrintAnswers(session, stream, asked, outcome); });
-  const absl::Status mistake = CheckLinesAsk(session, stream, asked);
+  std::jthread printer([&] {
+    PrintAnswers(session, stream, asked, outcome);
+    outcome.ended = true;
+  });
+  const absl::Status mistake = CheckLinesAsk(session, stream, asked, outcome.ended);
   stream.EndQuestions();
   printer.join();
   RETURN_IF_ERROR(outcome.status);

@@ -196,6 +196,12 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   const Ended too_few = check("0\\n");
   EXPECT_EQ(too_few.exit_code, 2);
   EXPECT_EQ(cell_.Run("check --stream 0,0").exit_code, 2);
+  // It does not wait for input that never ends.
+  const Ended refused = cell_.shell().Run(
+      "mkfifo in; sleep 60 >in & writer=$!; printf '0\\n' >in & SILHOUETTE_SERVER=" +
+      cell_.address() + " timeout 20 " + ProgramFolder() +
+      "/silhouette check --stream <in; code=$?; kill $writer; exit $code");
+  EXPECT_EQ(refused.exit_code, 2) << refused.err;
   cell_.StopServer();
   EXPECT_EQ(check("0,0\\n").exit_code, 3);
 }
