@@ -31,6 +31,7 @@
 #include "absl/strings/str_cat.h"
 #include "capture/session/travel.h"
 #include "common/log/log_lines.h"
+#include "common/picture/files.h"
 #include "db/status/status_macros.h"
 #include "server/audit/audit_log.h"
 #include "server/gate/credentials.h"
@@ -153,6 +154,14 @@ void ReportCertificates(const Cell& cell) {
   }
 }
 
+// Only the database, the calibration, and the files that the cell file names are read again.
+// `text`: what it was at the start.
+void ReportChangedCell(const std::string& file, const std::string& text) {
+  const absl::StatusOr<std::string> now = ReadWholeFile(file);
+  if (now.ok() && *now == text) return;
+  spdlog::warn("'{}' has changed, and its former settings still hold: restart the server", file);
+}
+
 void Reload(const Cell& cell, const std::string& path, bool unverified, Server& server) {
   try {
     absl::StatusOr<std::shared_ptr<const ServedDatabase>> database =
@@ -265,6 +274,7 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
 
 absl::Status Serve(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
+  ASSIGN_OR_RETURN(const std::string cell_text, ReadWholeFile(options.cell));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
   cell.server.gate.insecure = options.insecure;
@@ -327,6 +337,7 @@ absl::Status Serve(const Options& options, Signals& signals) {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
     while (signals.WaitForReload()) {
       ReportCertificates(cell);
+      ReportChangedCell(options.cell, cell_text);
       Reload(cell, path, options.unverified, *server);
     }
   }

@@ -19,6 +19,7 @@
 #include <thread>
 #include <vector>
 
+#include "absl/strings/str_split.h"
 #include "calib/files/calibration_message.h"
 #include "common/recording/recorder.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
@@ -278,6 +279,29 @@ TEST_F(ServerProgramTest, SighupReadsTheDatabaseAnew) {
   EXPECT_EQ(DatabaseAt(address).captured(), 40u);
 }
 
+TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileNeedsARestart) {
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  program.Address();
+  const auto reload = [&](size_t times) {
+    program.Signal(SIGHUP);
+    const auto reloads = [&] {
+      const std::vector<std::string> parts = absl::StrSplit(program.Errors(), "reloaded; ");
+      return parts.size() - 1;
+    };
+    for (int i = 0; i < 1000 && reloads() < times; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    EXPECT_EQ(reloads(), times);
+  };
+  reload(1);
+  EXPECT_THAT(program.Errors(), testing::Not(HasSubstr("restart the server")));
+  WriteFile(cell, std::string(kServerTestCellFile) + "margin: 5 px\n");
+  reload(2);
+  EXPECT_THAT(program.Errors(), HasSubstr("has changed, and its former settings still hold: "
+                                          "restart the server"));
+}
+
 TEST_F(ServerProgramTest, SighupWithADatabaseThatCannotBeReadServesTheOldStateOn) {
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
@@ -344,7 +368,7 @@ TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
   text.replace(text.find("[16, 12]}"), 9, "[16, 12], ignore: pillar.png}");
   WriteFile(cell, text + "margin: 1.5 px\n");
   cv::Mat pillar(12, 16, CV_8UC1, cv::Scalar(0));
-  pillar.col(4) = 1;  // not black
+  pillar.col(4) = 255;
   WriteFile(folder / "pillar.png", PngOf(pillar));
   {
     ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen",
@@ -360,9 +384,16 @@ TEST_F(ServerProgramTest, TakesMarginsAndIgnoredPixelsFromTheCellFile) {
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, AllOf(HasSubstr("view 'left': ignore: "), HasSubstr("5x5 pixels large"),
                             HasSubstr("16x12")));
+  const std::vector<std::pair<int, std::string>> wrong = {{1, "neither black (0) nor white (255)"},
+                                                          {255, "white everywhere"}};
+  for (const auto& [value, message] : wrong) {
+    WriteFile(folder / "pillar.png", PngOf(cv::Mat(12, 16, CV_8UC1, cv::Scalar(value))));
+    EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+    EXPECT_THAT(errors, AllOf(HasSubstr("view 'left': ignore: "), HasSubstr(message)));
+  }
   WriteFile(folder / "pillar.png", "no image");
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
-  EXPECT_THAT(errors, HasSubstr("is not an image"));
+  EXPECT_THAT(errors, HasSubstr("it is not an image"));
   std::remove((folder / "pillar.png").c_str());
   EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
   EXPECT_THAT(errors, HasSubstr("pillar.png"));
