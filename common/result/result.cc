@@ -22,6 +22,10 @@ std::string PlainText(const Json& value) {
 
 }  // namespace
 
+std::string Counted(uint64_t count, const std::string& thing) {
+  return absl::StrCat(count, " ", thing, count == 1 ? "" : "s");
+}
+
 TableCell TableCell::Unknown() {
   TableCell cell("-");
   cell.known = false;

@@ -2,11 +2,15 @@
 // One result for people and for programs: as text, as JSON, and in parts of a page (page.h).
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 namespace silhouette {
+
+// "1 place", "2 places": `thing` takes an s.
+std::string Counted(uint64_t count, const std::string& thing);
 
 // A cell of a table; text alone converts to one.
 struct TableCell {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/joint_values.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -18,6 +19,12 @@ absl::string_view View(std::string_view text) { return {text.data(), text.size()
 
 }  // namespace
 
+bool IsDecimal(std::string_view text, double& value) {
+  // The library takes 0x10, too.
+  return text.find_first_of("xX") == text.npos && absl::SimpleAtod(View(text), &value) &&
+         std::isfinite(value);
+}
+
 double ParseJointValue(std::string_view text, AngleUnit unit) {
   absl::string_view number = View(text);
   bool degrees = unit == AngleUnit::kDegrees;
@@ -27,7 +34,7 @@ double ParseJointValue(std::string_view text, AngleUnit unit) {
     degrees = false;
   }
   double value = 0;
-  if (!absl::SimpleAtod(number, &value) || !std::isfinite(value)) {
+  if (!IsDecimal({number.data(), number.size()}, value)) {
     throw std::invalid_argument(
         absl::StrCat("'", View(text), "' is no joint value; 0.5, -30deg and 0.2m are"));
   }
@@ -49,6 +56,17 @@ std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit)
         absl::StrCat("'", View(text), "' is not name=value, as in joint_1=0.5"));
   }
   return {std::string(text.substr(0, equals)), ParseJointValue(text.substr(equals + 1), unit)};
+}
+
+std::string DegreesHint(std::span<const double> radians, std::string_view or_else) {
+  constexpr double kNoAngle = 4 * std::numbers::pi;  // joints hardly turn twice
+  constexpr double kMost = 720;
+  const auto seems_degrees = [](double value) {
+    return std::abs(value) > kNoAngle && std::abs(value) <= kMost;
+  };
+  if (std::ranges::none_of(radians, seems_degrees)) return "";
+  return absl::StrCat(" (joint values are radians; did you mean degrees? Write 90deg",
+                      View(or_else), ")");
 }
 
 }  // namespace silhouette

@@ -2,6 +2,7 @@
 // Joint values as people type them.
 #pragma once
 
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -11,6 +12,9 @@ namespace silhouette {
 
 // What a joint value without a unit is in.
 enum class AngleUnit { kRadians, kDegrees };
+
+// Whether the text is a finite decimal number, which `value` then gets.
+bool IsDecimal(std::string_view text, double& value);
 
 // "0.5", "-30deg", "0.5 rad" or "0.2m" in radians or metres. Throws std::invalid_argument with one
 // sentence for everything else.
@@ -22,5 +26,9 @@ std::vector<double> ParseConfiguration(std::string_view text, AngleUnit unit = A
 // "joint_1=0.5": a name and a value. Throws as ParseJointValue does.
 std::pair<std::string, double> ParseJoint(std::string_view text,
                                           AngleUnit unit = AngleUnit::kRadians);
+
+// What to add where values in radians are outside a grid: a question if degrees seem to be meant,
+// else nothing. `or_else`: what else mends it, as ", or give --degrees".
+std::string DegreesHint(std::span<const double> radians, std::string_view or_else = "");
 
 }  // namespace silhouette

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <filesystem>
@@ -13,12 +14,16 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "common/yaml/strict_yaml.h"
+#include "tools/program/joint_values.h"
 
 namespace silhouette {
 namespace {
 
 constexpr char kVersion[] = SILHOUETTE_VERSION;
+
+constexpr char kSizeType[] = "SIZE";  // of what ByteSize takes, a number with a unit
 
 volatile std::sig_atomic_t stop_requested = 0;
 
@@ -49,14 +54,45 @@ std::string MistypedSubcommand(const CLI::App& program) {
   const CLI::App* command = &program;
   while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
   std::vector<std::string> known;
-  for (const CLI::App* sub : command->get_subcommands([](const CLI::App*) { return true; })) {
-    known.push_back(sub->get_name());
-  }
-  const std::vector<std::string> words = command->remaining();
+  const auto has_name = [](const CLI::App* sub) { return !sub->get_name().empty(); };
+  for (const CLI::App* sub : command->get_subcommands(has_name)) known.push_back(sub->get_name());
+  const std::vector<std::string> words = program.remaining(/*recurse=*/true);
   if (known.empty() || words.empty() || words.front().starts_with('-')) return "";
-  const std::string nearest = NearestWord(words.front(), known);
+  const std::string nearest = known.size() > 1 ? NearestWord(words.front(), known) : known.front();
   return "there is no subcommand '" + words.front() + "'; " +
          (nearest.empty() ? "known are " + ListOfWords(known) : "did you mean '" + nearest + "'?");
+}
+
+// What the library would take as a number, and nobody means: 0x10, 010 as 8, nan.
+std::string NumberMistake(std::string& text, const std::string& type) {
+  if (type.starts_with("FLOAT")) {
+    double number = 0;
+    return IsDecimal(text, number) ? "" : "'" + text + "' is not a number";
+  }
+  const bool negative = text.starts_with('-');
+  const std::string digits = text.substr(negative ? 1 : 0);
+  if (digits.empty() || !std::ranges::all_of(digits, absl::ascii_isdigit)) {
+    return "'" + text + "' is not a whole number";
+  }
+  if (negative && type.starts_with("UINT")) return "'" + text + "' is less than 0";
+  const size_t first = std::min(digits.find_first_not_of('0'), digits.size() - 1);
+  text = (negative ? "-" : "") + digits.substr(first);
+  return "";
+}
+
+// Before what else is said of them, numbers of all options must be numbers.
+void RequireNumbers(CLI::App& command) {
+  for (CLI::Option* option : command.get_options()) {
+    const std::string type = option->get_type_name();
+    if (type.find(kSizeType) != std::string::npos) continue;
+    if (!type.starts_with("FLOAT") && !type.starts_with("INT") && !type.starts_with("UINT")) {
+      continue;
+    }
+    option->transform(CLI::Validator(
+        [type](std::string& text) { return NumberMistake(text, type); }, /*description=*/""));
+  }
+  const std::function<bool(CLI::App*)> all;
+  for (CLI::App* sub : command.get_subcommands(all)) RequireNumbers(*sub);
 }
 
 // Whether standard output is a pipe that nothing reads any more, as after `head`.
@@ -115,10 +151,11 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
     return failed->get_name() + ": " +
            (mistyped.empty() ? error.what() + std::string("; see --help") : mistyped) + "\n";
   });
+  RequireNumbers(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kDone : kUserMistake;
+    return app.exit(error) == 0 ? WithOutput(app.get_name(), kDone) : kUserMistake;
   }
   try {
     return WithOutput(app.get_name(), run());
@@ -142,10 +179,33 @@ CLI::Validator PositiveNumber() {
   return CLI::Validator(
       [](const std::string& text) {
         double number = 0;
-        if (CLI::detail::lexical_cast(text, number) && number > 0) return std::string();
+        if (IsDecimal(text, number) && number > 0) return std::string();
         return "'" + text + "' is not a number above zero";
       },
       "POSITIVE");
+}
+
+CLI::Validator NumberFromZero() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        return text.starts_with('-') ? "'" + text + "' is less than 0" : std::string();
+      },
+      "NONNEGATIVE");
+}
+
+CLI::Validator ByteSize() {
+  return CLI::Validator(
+      [](std::string& text) {
+        const std::string mistake = "'" + text + "' is no size with its unit; 8GB is";
+        const bool has_number = !text.empty() && absl::ascii_isdigit(text.front());
+        if (!has_number || !absl::ascii_isalpha(text.back())) return mistake;
+        try {
+          return CLI::AsSizeValue(/*kb_is_1000=*/true)(text).empty() ? "" : mistake;
+        } catch (const CLI::ValidationError&) {
+          return mistake;
+        }
+      },
+      kSizeType);
 }
 
 CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what) {

@@ -34,9 +34,10 @@ ExitCode Report(const std::string& program, const absl::Status& status);
 // fails) ends the process with one sentence on stderr and kWorldFailed. RunProgram calls it.
 void EndOnLostPages(const std::string& program);
 
-// Adds --version, parses, and returns what `run` returns. A wrong command line is one sentence on
-// stderr and kUserMistake; --help and --version go to stdout with kDone. An exception that leaves
-// `run` is one sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
+// Adds --version, parses, and returns what `run` returns. A wrong command line, also a number that
+// is not decimal and finite, is one sentence on stderr and kUserMistake; --help and --version go to
+// stdout with kDone. An exception that leaves `run` is one sentence too: std::invalid_argument
+// kUserMistake, any other kWorldFailed.
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
 
 // What a chosen subcommand does. RunProgram reports an error status and returns its exit code.
@@ -45,6 +46,10 @@ int RunProgram(CLI::App& app, int argc, char** argv, const Work& work);
 
 // Takes numbers above zero: option->check(PositiveNumber()).
 CLI::Validator PositiveNumber();
+// The same, and zero.
+CLI::Validator NumberFromZero();
+// Takes "8GB", "512MiB" and so on, and makes bytes of it: option->transform(ByteSize()).
+CLI::Validator ByteSize();
 
 // Adds --picture FILE to `command`, a PNG file.
 CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what);

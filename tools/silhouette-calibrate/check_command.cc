@@ -458,7 +458,7 @@ void AddCheckCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command
       ->add_option("--limit", a.request.limit, "How much a camera may have moved, in mask pixels")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   command->add_option("--out", a.out,
                       "JSON file of the result, for silhouette-server --calibration-check");

@@ -79,7 +79,7 @@ void AddSigmaOption(CLI::App& command, double& sigma) {
       .add_option("--sigma", sigma,
                   "Standard deviation of all corners per axis, in pixels; default: each tag's in "
                   "--corners, by the image's noise. State more where print, paper or lens err")
-      ->check(CLI::PositiveNumber);
+      ->check(PositiveNumber());
 }
 
 absl::Status ReplaceFile(const std::string& path, const std::string& text) {
@@ -105,6 +105,15 @@ absl::StatusOr<PixelSize> SizeFromText(const std::string& text, const std::strin
     return size;
   }
   return InvalidArgument(option, " '", text, "' is not WIDTHxHEIGHT in pixels, e.g. 640x480");
+}
+
+CLI::Validator SizeInPixels() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        return std::string(
+            SizeFromText(text.substr(text.rfind('=') + 1), "size").status().message());
+      },
+      "");
 }
 
 absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name) {

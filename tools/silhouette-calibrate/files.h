@@ -34,6 +34,8 @@ std::string TextOfFiles(const std::vector<std::string>& files);
 
 // "640x480"; InvalidArgument, naming `option`, if it is not so.
 absl::StatusOr<PixelSize> SizeFromText(const std::string& text, const std::string& option);
+// Takes such sizes, also with a view's name and = before: option->check(SizeInPixels()).
+CLI::Validator SizeInPixels();
 
 // Camera models: a folder has VIEW.cameramodel of each view.
 struct CameraFile {

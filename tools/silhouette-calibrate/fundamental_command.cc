@@ -437,10 +437,14 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   command->add_option("--cameras", a.sources.cameras, "Folder of camera models, VIEW.cameramodel");
   command->add_option("--cell", a.sources.cell,
                       "The cell file: names of the views, sizes of images and masks");
-  command->add_option("--image-size", a.sources.image_size,
-                      "WIDTHxHEIGHT of all views' camera images, without --cell");
-  command->add_option("--mask-size", a.sources.mask_size,
-                      "WIDTHxHEIGHT of all views' masks, without --cell");
+  command
+      ->add_option("--image-size", a.sources.image_size,
+                   "WIDTHxHEIGHT of all views' camera images, without --cell")
+      ->check(SizeInPixels());
+  command
+      ->add_option("--mask-size", a.sources.mask_size,
+                   "WIDTHxHEIGHT of all views' masks, without --cell")
+      ->check(SizeInPixels());
   command->add_option("--out", a.out, "YAML file of matrices for silhouette-db calibration import");
   command->add_option(
       "--calibration", a.calibration,
@@ -456,7 +460,7 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
       ->add_option("--max-margin", a.settings.most_margin,
                    "Margin in mask pixels that a matrix may need: 'calibration.margin' of the "
                    "server's cell file")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NumberFromZero())
       ->capture_default_str();
   command->add_flag("--skip-refused", a.skip_refused,
                     "Write the other pairs' matrices; those refused have no lines");

@@ -256,8 +256,10 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->add_option("--boards", a->boards, "The boards that were seen, YAML");
   command->add_option("--board", a->board_names, "Use these boards only")->delimiter(',');
   command->add_option("--view", a->views, "Use these views only")->delimiter(',');
-  command->add_option("--image-size", a->image_sizes,
-                      "Size of a view's images, left=1280x960, or of all, 1280x960");
+  command
+      ->add_option("--image-size", a->image_sizes,
+                   "Size of a view's images, left=1280x960, or of all, 1280x960")
+      ->check(SizeInPixels());
   command->add_option("--out", a->out, "The folder for the .cameramodel files")->required();
   command->add_option("--model", a->settings.lens_model, "Lens model, by mrcal's name")
       ->capture_default_str();

@@ -210,9 +210,11 @@ void AddPosesCommand(CLI::App& program, Run& run) {
        {"--corners", "--robot-poses", "--joints", "--flange-board", "--standing", "--surveyed"}) {
     pairs->excludes(command->get_option(name));
   }
-  command->add_option("--mask-size", a.mask_size,
-                      "WIDTHxHEIGHT of all views' masks, without --cell, for the matrices in "
-                      "calibration.yaml");
+  command
+      ->add_option("--mask-size", a.mask_size,
+                   "WIDTHxHEIGHT of all views' masks, without --cell, for the matrices in "
+                   "calibration.yaml")
+      ->check(SizeInPixels());
   command
       ->add_option("--out", a.out,
                    "Folder for camera models, calibration.yaml, poses.json and residuals.csv")

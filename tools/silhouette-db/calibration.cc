@@ -198,7 +198,7 @@ void AddMargin(CLI::App& command, CalibrationOptions& options) {
   command
       .add_option("--margin", options.margin,
                   "Mask pixels by which pixels are widened, as in the cell file's 'calibration'")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NumberFromZero())
       ->capture_default_str();
 }
 

@@ -238,8 +238,8 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
   findings.index = index->Summary();
   // A tile whose index is stale or missing is no fault: nothing uses it.
   if (findings.index.damaged > 0) {
-    findings.faults.push_back(
-        absl::StrCat("the collision index of ", findings.index.damaged, " tiles is damaged"));
+    findings.faults.push_back(absl::StrCat("the collision index of ",
+                                           Counted(findings.index.damaged, "tile"), " is damaged"));
   }
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
   RETURN_IF_ERROR(ReadRecords(database.grid(), *index, fixed_joints, findings));
@@ -320,7 +320,7 @@ void AddVerify(CLI::App& app, Work& work) {
       .add_option("--fixed-joint-tolerance", options.fixed_joint_tolerance,
                   "How far a joint outside the grid may have been from its position in the cell\n"
                   "file; radians, metres: fixed_joint_tolerance of the cell file")
-      ->check(CLI::PositiveNumber)
+      ->check(PositiveNumber())
       ->capture_default_str();
   AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db verify cell.lmdb");

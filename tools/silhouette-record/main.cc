@@ -231,8 +231,8 @@ int Main(int argc, char** argv) {
   app.add_flag("--images", arguments.images,
                "Record camera images, too (JPEG, 5 a second), of a server that runs with --live");
   app.add_option("--size", arguments.recorder.file_bytes, "Size of one file, e.g. 256MB, 1GB")
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
       ->check(PositiveNumber())
+      ->transform(ByteSize())
       ->default_str("256MB");
   app.add_option("--files", arguments.recorder.files,
                  "How many files are kept, of recordings and of stops each; the oldest make room")

@@ -367,10 +367,7 @@ int Main(int argc, char** argv) {
          "--robot-image-memory", options.robot_image_memory,
          "Most memory for robot images, e.g. 8GB. If the database has more, they stay in the\n"
          "database and are read when needed. Default: as in the cell file")
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/true))
-      ->check([](const std::string& text) {
-        return text.starts_with('-') ? "'" + text + "' is no size; 8GB is" : std::string();
-      })
+      ->transform(ByteSize())
       ->option_text("SIZE");
   app.add_option(
       "--calibration-check", options.calibration_check,

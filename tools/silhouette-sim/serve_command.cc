@@ -96,7 +96,7 @@ void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
                   "e-stop, on its way; lost, its connection")
       ->check(CLI::IsMember(kRobotFaults));
   command.add_option("--after-moves", faults.after_moves, "Begin after this many move commands")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NumberFromZero())
       ->capture_default_str();
   command
       .add_option("--camera-fault", faults.cameras,
@@ -104,12 +104,12 @@ void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
                   "packets and so images (gige); freezes, they send the same image again and again")
       ->check(CLI::IsMember(kCameraFaults));
   command.add_option("--after-images", faults.after_images, "Begin after this many sets of images")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NumberFromZero())
       ->capture_default_str();
   command
       .add_option("--fault-time", faults.seconds,
                   "How long the faults last, in seconds; 0: for good")
-      ->check(CLI::NonNegativeNumber)
+      ->check(NumberFromZero())
       ->capture_default_str();
 }
 

@@ -9,6 +9,7 @@
 
 #include <CLI/CLI.hpp>
 #include <csignal>
+#include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -90,6 +91,66 @@ TEST(Program, MistypedSubcommandIsNamedWithTheNearest) {
   EXPECT_THAT(message_of({}), HasSubstr("A subcommand is required"));
 }
 
+TEST(Program, SubcommandIsNamedWhereOptionsOfTheProgramMayFollow) {
+  CLI::App app("A test", "tester");
+  app.require_subcommand(1)->fallthrough();
+  CLI::App* scene = app.add_subcommand("scene")->require_subcommand(1)->fallthrough();
+  scene->add_subcommand("publish");
+  scene->add_subcommand("show");
+  scene->add_option_group("choice");  // it has no name
+  std::vector<std::string> words = {"tester", "scene", "bogus"};
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunProgram(app, 3, argv.data(), std::function<int()>([] { return 0; })), 2);
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("there is no subcommand 'bogus'; known are 'publish' and 'show'\n"));
+}
+
+TEST(Program, NumbersAreDecimalAndFiniteAndSizesHaveTheirUnit) {
+  struct {
+    int whole = 0;
+    uint64_t number = 0;
+    double real = 0;
+    uint64_t bytes = 0;
+  } got;
+  const auto error_of = [&got](std::vector<std::string> words) {
+    CLI::App app("A test", "tester");
+    app.add_option("--whole", got.whole);
+    app.add_option("--number", got.number);
+    app.add_option("--real", got.real)->check(NumberFromZero());
+    app.add_option("--bytes", got.bytes)->check(PositiveNumber())->transform(ByteSize());
+    words.insert(words.begin(), "tester");
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    testing::internal::CaptureStderr();
+    const int code = RunProgram(app, static_cast<int>(argv.size()), argv.data(),
+                                std::function<int()>([] { return 0; }));
+    const std::string error = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(code, error.empty() ? 0 : 2);
+    return error;
+  };
+  EXPECT_EQ(error_of({"--whole", "-010", "--number", "08", "--real", "1e-3", "--bytes", "8kB"}),
+            "");
+  EXPECT_EQ(got.whole, -10);
+  EXPECT_EQ(got.number, 8);
+  EXPECT_EQ(got.real, 0.001);
+  EXPECT_EQ(got.bytes, 8000);
+  EXPECT_EQ(error_of({"--whole", "0x10"}),
+            "tester: --whole: '0x10' is not a whole number; see --help\n");
+  EXPECT_THAT(error_of({"--whole", "1.5"}), HasSubstr("'1.5' is not a whole number"));
+  EXPECT_THAT(error_of({"--number", "-1"}), HasSubstr("--number: '-1' is less than 0"));
+  for (const std::string wrong : {"inf", "nan", "0x10", "1e999", "x", ""}) {
+    EXPECT_THAT(error_of({"--real", wrong}), HasSubstr("'" + wrong + "' is not a number;"));
+  }
+  EXPECT_THAT(error_of({"--real", "-1"}), HasSubstr("--real: '-1' is less than 0"));
+  for (const std::string wrong : {"8", "8XB", "-8GB", "GB"}) {
+    EXPECT_THAT(error_of({"--bytes", wrong}),
+                HasSubstr("--bytes: '" + wrong + "' is no size with its unit; 8GB is"));
+  }
+  EXPECT_THAT(error_of({"--bytes", "0B"}), HasSubstr("is not a number above zero"));
+}
+
 TEST(Program, NumbersAboveZeroAreTold) {
   CLI::App app("", "tester");
   double size = 0;
@@ -140,6 +201,12 @@ TEST(ProgramDeathTest, OutputThatCannotBeWrittenIsNoSuccess) {
   };
   EXPECT_EXIT(print_to(open("/dev/full", O_WRONLY)), testing::ExitedWithCode(kWorldFailed),
               "tester: the output could not be written; is the disk full");
+  EXPECT_EXIT(
+      {
+        dup2(open("/dev/full", O_WRONLY), STDOUT_FILENO);
+        std::exit(RunTester({"--help"}, [] { return 0; }));
+      },
+      testing::ExitedWithCode(kWorldFailed), "the output could not be written");
   // Who reads it has enough, as `head` has.
   EXPECT_EXIT(
       {

@@ -123,6 +123,7 @@ TEST_F(FundamentalProgram, SaysWhatIsMissing) {
   expect("--corners corners.csv --mask-size 64x64", "how large the images of view");
   expect("--corners corners.csv --image-size 640x480", "how large the masks of view");
   expect("--corners corners.csv --image-size 640 --mask-size 64x64", "is not WIDTHxHEIGHT");
+  expect("--corners nothing.csv --image-size 0x0", "--image-size: size '0x0' is not WIDTHxHEIGHT");
   expect("--corners corners.csv --image-size 320x240 --mask-size 64x64", "sizes are mixed");
   expect("--corners nothing.csv", "nothing.csv");
   expect("--cameras nowhere --mask-size 64x64", "nowhere");
