@@ -96,7 +96,7 @@ std::string StateText(const CollisionIndexSummary& summary, const std::string& d
   const std::string mend = absl::StrCat("silhouette-db index ", database);
   if (name == "none") return absl::StrCat("none; build it with: ", mend);
   if (name == "fresh") {
-    return absl::StrCat("fresh, ", summary.tiles, " tiles, ", MiB(summary.bytes),
+    return absl::StrCat("fresh, ", Counted(summary.tiles, "tile"), ", ", MiB(summary.bytes),
                         summary.unreadable == 0 ? ""
                                                 : absl::StrCat("; without ", summary.unreadable,
                                                                " records that cannot be read"));
@@ -107,7 +107,7 @@ std::string StateText(const CollisionIndexSummary& summary, const std::string& d
                                     {summary.missing, "missing"}}) {
     if (tiles > 0) parts.push_back(absl::StrCat(tiles, " ", what));
   }
-  return absl::StrCat("of ", summary.tiles, " tiles ", absl::StrJoin(parts, ", "),
+  return absl::StrCat("of ", Counted(summary.tiles, "tile"), " ", absl::StrJoin(parts, ", "),
                       "; build them with: ", mend);
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -16,6 +17,7 @@
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
 #include "db/status/status_macros.h"
+#include "tools/program/joint_values.h"
 #include "tools/silhouette-db/common.h"
 
 namespace silhouette {
@@ -42,6 +44,15 @@ absl::StatusOr<absl::Time> ParseTime(const std::string& column, const std::strin
   if (absl::ParseTime(absl::RFC3339_full, text, &time, &why)) return time;
   return absl::InvalidArgumentError(
       absl::StrCat(column, " '", text, "' is not a time such as 2024-05-01T12:00:00Z"));
+}
+
+// The value of a joint, as other programs take it too.
+absl::StatusOr<double> JointIn(const std::string& joint, const std::string& text) {
+  try {
+    return ParseJointValue(text);
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat(joint, ": ", error.what()));
+  }
 }
 
 absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
@@ -158,7 +169,7 @@ absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std:
     const std::string& name = cells[i];
     if (std::find(known.begin(), known.end(), name) == known.end()) {
       return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name(),
-                   "'; its columns are ", absl::StrJoin(known, ", "));
+                   "'; write its columns with commas between them: ", absl::StrJoin(known, ","));
     }
     if (!reader.columns_.emplace(name, i).second)
       return fault("column '", name, "' is there twice");
@@ -206,15 +217,12 @@ absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
   for (int j = 0; j < grid_.dimensions(); ++j) {
     const GridJoint& joint = grid_.joints()[static_cast<size_t>(j)];
     const std::string& text = cells[columns_.at(joint.name)];
-    double value = 0;
-    if (!absl::SimpleAtod(text, &value)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("joint '", joint.name, "': '", text, "' is not a number"));
-    }
+    ASSIGN_OR_RETURN(const double value, JointIn("joint '" + joint.name + "'", text));
     const std::optional<double> place = grid_.Place(j, value);
     if (!place) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "joint '", joint.name, "': ", text, " is outside ", joint.lower, " to ", joint.upper));
+      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "': ", text,
+                                                     " is outside ", joint.lower, " to ",
+                                                     joint.upper, DegreesHint({{value}})));
     }
     if (*place != std::round(*place)) {
       const double step = std::round(*place);
@@ -264,11 +272,8 @@ absl::StatusOr<std::vector<double>> TableReader::ReadJoints(const std::vector<st
   for (const std::string& joint : joints) {
     const std::string& text = cells[columns_.at(prefix + joint)];
     empty += text.empty() ? 1 : 0;
-    double value = 0;
-    if (!text.empty() && !absl::SimpleAtod(text, &value)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(prefix, joint, ": '", text, "' is not a number"));
-    }
+    ASSIGN_OR_RETURN(const double value,
+                     text.empty() ? absl::StatusOr<double>(0) : JointIn(prefix + joint, text));
     values.push_back(value);
   }
   if (empty == joints.size()) return std::vector<double>();

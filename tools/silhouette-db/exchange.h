@@ -2,7 +2,9 @@
 // The folder that `export` writes and `import` reads:
 //
 //   configurations.csv   one row per record; comma separated, quoted as RFC 4180 says, a header
-//     <joint>            per joint of the grid, by its name: value in radians or metres
+//     <joint>            per joint of the grid, by its name: value in radians or metres; import
+//     takes
+//                        units, as in 30deg
 //     <view>             per view, by its name: path of a PNG mask, relative to the CSV; empty in
 //     all
 //                        views: the configuration is excluded

@@ -170,6 +170,12 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
                    TableReader::FromHeader(csv, {bare.data(), bare.size()}, description));
   ASSIGN_OR_RETURN(const auto references,
                    ImportReferences(fs::path(csv).parent_path().string(), description));
+  const auto rows = file.tellg();
+  if (!references && (file >> std::ws).eof()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(csv, ": there is no row below the header; add one for each configuration"));
+  }
+  file.seekg(rows);
 
   CatchStopSignals();
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
@@ -221,10 +227,10 @@ void AddImport(CLI::App& app, Work& work) {
   command.add_flag("--replace", options.replace,
                    "Replace existing records instead of comparing them");
   command.footer(
-      "configurations.csv has one column per joint of the grid, by its name (radians, metres), "
-      "and\n"
-      "one per view with the path of a PNG mask, relative to the CSV: the robot white, all else "
-      "black.\n"
+      "configurations.csv has one column per joint of the grid, by its name (radians, or 30deg, "
+      "or\n"
+      "0.2m), and one per view with the path of a PNG mask, relative to the CSV: the robot white,\n"
+      "all else black.\n"
       "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");
 }
 

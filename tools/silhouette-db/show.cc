@@ -4,6 +4,8 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -12,6 +14,7 @@
 #include "common/picture/sheet.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/joint_values.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
 
@@ -22,7 +25,7 @@ using Json = nlohmann::ordered_json;
 
 struct ShowOptions : DatabaseOptions {
   std::optional<ConfigurationNumber> number;
-  std::vector<double> at;
+  std::vector<std::string> at;  // joint values, also several with commas between them
 };
 
 absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
@@ -30,16 +33,18 @@ absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
   if (options.number) {
     if (grid.Contains(*options.number)) return *options.number;
     return absl::InvalidArgumentError(
-        absl::StrCat("the grid has no configuration ", *options.number));
+        absl::StrCat("the grid has no configuration ", *options.number, "; it has ", grid.size(),
+                     ", numbered below ", grid.number_limit(), " with gaps"));
   }
-  if (options.at.size() != grid.joints().size()) {
+  const Configuration at = ParseConfiguration(absl::StrJoin(options.at, ","));
+  if (at.size() != grid.joints().size()) {
     return absl::InvalidArgumentError(
         absl::StrCat("--at takes ", grid.joints().size(), " values, one per joint of the grid"));
   }
-  const std::optional<ConfigurationNumber> number = grid.Nearest(options.at);
+  const std::optional<ConfigurationNumber> number = grid.Nearest(at);
   if (!number) {
     return absl::InvalidArgumentError(
-        absl::StrCat("(", absl::StrJoin(options.at, ", "), ") is outside the grid"));
+        absl::StrCat("(", absl::StrJoin(at, ", "), ") is outside the grid"));
   }
   return *number;
 }
@@ -108,14 +113,14 @@ void AddShow(CLI::App& app, Work& work) {
       AddCommand(app, work, "show", "The record of one configuration", ShowHere);
   AddVariantOption(command, options.variant);
   CLI::Option_group* choice = command.add_option_group("choice", "Which configuration");
-  choice->add_option("--number", options.number, "Its number");
+  choice->add_option("number,--number", options.number, "Its number");
   choice->add_option(
       "--at", options.at,
-      "The one nearest to these joint values (radians, metres), in the grid's order");
+      "The one nearest to these joint values, in the grid's order: radians, or 30deg, or 0.2m");
   choice->require_option(1);
   AddPictureOption(command, options.picture, "Write its masks to this PNG file");
   AddFormatOption(command, options.format);
-  command.footer("Example:\n  silhouette-db show cell.lmdb --at 0.5 -1.2 --picture robot.png");
+  command.footer("Example:\n  silhouette-db show cell.lmdb --at 0.5,-70deg --picture robot.png");
 }
 
 }  // namespace silhouette

@@ -136,7 +136,7 @@ TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
   const Ended built = Run("index db");
   EXPECT_EQ(built.exit_code, 0) << built.err;
   EXPECT_THAT(built.out, AllOf(HasSubstr("1 built, 0 fresh already"), HasSubstr("% of their")));
-  EXPECT_THAT(Run("info db").out, HasSubstr("collision index fresh, 1 tiles"));
+  EXPECT_THAT(Run("info db").out, HasSubstr("collision index fresh, 1 tile"));
   const Json again = Json::parse(Run("index db --format json").out);
   EXPECT_EQ(again["built"], 0);
   EXPECT_EQ(again["fresh_already"], 1);
@@ -156,7 +156,7 @@ TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
   }
   const Ended stale = Run("verify db");
   EXPECT_EQ(stale.exit_code, 0);
-  EXPECT_THAT(stale.out, HasSubstr("of 1 tiles 1 stale; build them with: silhouette-db index db"));
+  EXPECT_THAT(stale.out, HasSubstr("of 1 tile 1 stale; build them with: silhouette-db index db"));
   EXPECT_EQ(Json::parse(Run("info db --format json").out)["collision_index"]["state"], "stale");
 
   EXPECT_EQ(Run("index nowhere").exit_code, 2);
@@ -175,8 +175,8 @@ TEST_F(SilhouetteDb, IndexThatIsDamagedOrNotThatOfItsRobotImagesIsFoundByVerify)
   });
   const Ended damaged = Run("verify db");
   EXPECT_EQ(damaged.exit_code, 1);
-  EXPECT_THAT(damaged.out, HasSubstr("the collision index of 1 tiles is damaged"));
-  EXPECT_THAT(Run("info db").out, HasSubstr("of 1 tiles 1 damaged; build them with"));
+  EXPECT_THAT(damaged.out, HasSubstr("the collision index of 1 tile is damaged"));
+  EXPECT_THAT(Run("info db").out, HasSubstr("of 1 tile 1 damaged; build them with"));
 
   // What a faulty program could have written: sound in itself, but of other robot images.
   spoil([&](const std::string& value) {
@@ -250,13 +250,20 @@ TEST_F(SilhouetteDb, ShowFindsAConfigurationByNumberAndByJoints) {
   const Json record = Json::parse(by_joints.out);
   EXPECT_EQ(record["number"], number);
   EXPECT_EQ(Run(absl::StrCat("show db --format json --number ", number)).out, by_joints.out);
+  EXPECT_EQ(Run(absl::StrCat("show db --format json ", number)).out, by_joints.out);
+  EXPECT_EQ(Run("show db --at 2.9deg,51deg --format json").out, by_joints.out);
   const Ended missing = Run("show db --number 0");
   EXPECT_EQ(missing.exit_code, 1);
   EXPECT_THAT(missing.err, HasSubstr("is not in the database"));
   EXPECT_THAT(Run("show db --at 0.05 9").err, HasSubstr("(0.05, 9) is outside the grid"));
   EXPECT_THAT(Run("show db --at 0.05").err, HasSubstr("--at takes 2 values"));
   EXPECT_EQ(Run("show db").exit_code, 2);
-  EXPECT_EQ(Run("show db --number 4095").exit_code, 2);
+  const Ended beyond = Run("show db 4095");
+  EXPECT_EQ(beyond.exit_code, 2);
+  EXPECT_THAT(beyond.err,
+              HasSubstr("the grid has no configuration 4095; it has 30, numbered below"));
+  EXPECT_THAT(Run("show db --number -1").err, HasSubstr("'-1' is less than 0"));
+  EXPECT_THAT(Run("show db --at nan 0").err, HasSubstr("'nan' is no joint value; 0.5, -30deg"));
 }
 
 TEST_F(SilhouetteDb, SheetPaintsASlice) {
@@ -356,7 +363,7 @@ TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
   Write("masks/t.png", EncodeMaskPng(top));
   Write("configurations.csv",
         "\xef\xbb\xbf"
-        "top,axis_2,left,axis_1\r\nmasks/t.png,-1,\"masks/l.png\",-0.5\r\n\r\n,0.25,,-1\r\n");
+        "top,axis_2,left,axis_1\r\nmasks/t.png,-1,\"masks/l.png\",-0.5 rad\r\n\r\n,0.25,,-1\r\n");
   const Ended outcome = Run("import configurations.csv --cell cell.yaml --database db");
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   const auto database = Database::Open(folder_ / "db", Database::Access::kRead);
@@ -392,6 +399,7 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
         "0,-1,l.png\n"
         "-1,-1,l.png,t.png\n"
         "1.5,1.5,l.png,t.png\n"
+        "90,1.5,l.png,t.png\n"
         "0,-1,black.png,black_t.png\n"
         "0,-1,ones.png,t.png\n");
   const Ended outcome = Run("import . --cell cell.yaml --database db");
@@ -399,7 +407,9 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
   for (const char* message : {
            "configurations.csv:3: joint 'axis_1': -0.9 is not on the grid; the nearest value is -1",
            "configurations.csv:4: joint 'axis_1': 7 is outside -1 to 1.5",
-           "configurations.csv:5: joint 'axis_1': 'x' is not a number",
+           "configurations.csv:5: joint 'axis_1': 'x' is no joint value; 0.5, -30deg and 0.2m are",
+           "configurations.csv:13: joint 'axis_1': 90 is outside -1 to 1.5 (joint values are "
+           "radians; did you mean degrees? Write 90deg)",
            "configurations.csv:6: view 'left': './t.png': it is 33x20 pixels large and should be "
            "64x64",
            "configurations.csv:7: view 'left': './none.png' cannot be read: No such file",
@@ -407,11 +417,10 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
            "configurations.csv:9: view 'top' has no mask; only an excluded configuration",
            "configurations.csv:10: it has 3 cells, the header has 4",
            "configurations.csv:11: the same configuration is in line 2",
-           "configurations.csv:13: no mask has a pixel of the robot",
-           "configurations.csv:14: view 'left': './ones.png': pixel (0, 0) is neither black (0) "
-           "nor "
-           "white (255) but 1",
-           "11 lines are wrong; mend them and run it again, what is imported stays",
+           "configurations.csv:14: no mask has a pixel of the robot",
+           "configurations.csv:15: view 'left': './ones.png': pixel (0, 0) is neither black (0) "
+           "nor white (255) but 1",
+           "12 lines are wrong; mend them and run it again, what is imported stays",
        }) {
     EXPECT_THAT(outcome.err, HasSubstr(message));
   }
@@ -432,6 +441,10 @@ TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
   EXPECT_THAT(
       refusal("axis_1,axis_2,left,top,colour"),
       HasSubstr("csv:1: column 'colour' is neither a joint nor a view of cell 'test cell'"));
+  EXPECT_THAT(refusal("axis_1;axis_2;left;top"),
+              HasSubstr("with commas between them: axis_1,axis_2,left"));
+  EXPECT_THAT(refusal("axis_1,axis_2,left,top"),
+              HasSubstr("csv: there is no row below the header"));
   EXPECT_THAT(refusal("axis_1,axis_2,left,top,top"), HasSubstr("column 'top' is there twice"));
   EXPECT_THAT(
       refusal("axis_1,axis_2,left,top,measured:axis_1"),
@@ -497,6 +510,7 @@ TEST_F(SilhouetteDb, EverySubcommandTellsAMissingOrForeignDatabase) {
   }
   EXPECT_EQ(Run("").exit_code, 2);
   EXPECT_EQ(Run("nonsense").exit_code, 2);
+  EXPECT_THAT(Run("audit audit.jsonl").err, HasSubstr("did you mean 'verify'?"));
 }
 
 }  // namespace
