@@ -123,6 +123,14 @@ absl::Status CompleteBodies(const std::string& path, TiXmlElement& link) {
                              "' has a <visual> or <collision> of more than one shape; give each "
                              "one of its own");
     }
+    const char* const scale = shape->Attribute("scale");
+    urdf::Vector3 factors;
+    try {
+      if (scale != nullptr) factors.init(scale);
+    } catch (const std::exception&) {
+      return InvalidArgument(path, ":", shape->Row(), ": scale=\"", scale,
+                             "\" is not three numbers; write e.g. scale=\"0.001 0.001 0.001\"");
+    }
     if (shape->ValueStr() != "capsule") continue;
     shape->SetValue("cylinder");
     if (body->FirstChildElement("origin") == nullptr) body->InsertEndChild(TiXmlElement("origin"));
@@ -202,6 +210,7 @@ absl::Status CheckRotations(const std::string& path, const TiXmlElement& element
 
 absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(path));
+  if (text.empty()) return InvalidArgument(path, ": the file is empty");
   if (!IsUtf8(text)) {
     return InvalidArgument(path,
                            ": its text is not UTF-8; convert it, as in: iconv -f ISO-8859-1 "

@@ -45,8 +45,10 @@ using Findings = std::vector<Finding>;
 
 Finding OfGrid(const Cell& cell) {
   if (cell.robot.drawn) {
+    const auto joints = static_cast<uint64_t>(cell.grid.dimensions());
     return {"grid", true,
-            absl::StrCat("robot images are drawn; ", cell.grid.dimensions(), " joints move")};
+            absl::StrCat("robot images are drawn; ", Counted(joints, "joint"),
+                         joints == 1 ? " moves" : " move")};
   }
   std::vector<std::string> steps;
   for (const GridJoint& joint : cell.grid.joints()) {

@@ -13,12 +13,17 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
 #include "capture/drivers/aravis/aravis_camera.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/files.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
+#include "tools/program/joint_values.h"
 #include "tools/silhouette-capture/commands.h"
 
 namespace silhouette {
@@ -82,6 +87,10 @@ absl::StatusOr<std::vector<MovingJoint>> MovingJoints(const InitOptions& options
       }
       for (size_t i = 0; i < 2; ++i) {
         std::string bound = bounds[i];
+        const std::string hint = DegreesHint({{ParseJointValue(bound)}});
+        if (!hint.empty()) {
+          return InvalidArgument("--joint ", text, ": ", bound, " is more than two turns", hint);
+        }
         if (bound.ends_with("deg")) bound.insert(bound.size() - 3, " ");
         absl::StrAppend(&range, i == 0 ? ", lower: " : ", upper: ", bound);
       }
@@ -211,8 +220,13 @@ absl::StatusOr<ExitCode> Init(const InitOptions& options) {
     return absl::AlreadyExistsError(
         absl::StrCat("'", options.out, "' is there already; name another file with --out"));
   }
-  ASSIGN_OR_RETURN(const RobotModel robot,
-                   RobotModel::FromUrdf(options.urdf, options.package_paths));
+  const auto read = RobotModel::FromUrdf(options.urdf, options.package_paths);
+  if (!read.ok()) {
+    return absl::Status(
+        read.status().code(),
+        absl::StrReplaceAll(read.status().message(), {{"package_paths", "--package-path"}}));
+  }
+  const RobotModel& robot = *read;
   ASSIGN_OR_RETURN(const auto moving, MovingJoints(options, robot));
   const bool drawn =
       options.images.empty() ? moving.size() > kMostCapturedJoints : options.images == "drawn";
@@ -221,10 +235,11 @@ absl::StatusOr<ExitCode> Init(const InitOptions& options) {
   const auto cell = LoadCell(options.out);
   if (!cell.ok()) {
     fs::remove(options.out);
-    return cell.status();
+    absl::string_view message = cell.status().message();  // "cell.yaml:18: robot: ..."
+    if (absl::ConsumePrefix(&message, options.out)) message.remove_prefix(message.find(": ") + 2);
+    return InvalidArgument("the options make no valid cell file: ", message);
   }
-  std::cout << "wrote " << options.out << ": " << moving.size()
-            << (moving.size() == 1 ? " joint, " : " joints, ")
+  std::cout << "wrote " << options.out << ": " << Counted(moving.size(), "joint") << ", "
             << (drawn ? std::string("drawn robot images")
                       : absl::StrCat(cell->grid.size(), " configurations to capture"))
             << ", views "

@@ -21,11 +21,13 @@ std::string ForShell(const std::string& word) {
   return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
 }
 
-std::string CellArguments::Command(const std::string& subcommand) const {
-  std::string command = absl::StrCat("silhouette-capture ", subcommand, " --cell ", ForShell(cell));
+std::string CellArguments::Command(const std::string& subcommand,
+                                   const std::string& program) const {
+  std::string command = absl::StrCat(program, " ", subcommand, " --cell ", ForShell(cell));
   if (!database.empty()) absl::StrAppend(&command, " --database ", ForShell(database));
-  // Reference images are of all variants.
-  if (variant != schema::kDefaultVariant && subcommand != "reference") {
+  // Reference images are of all variants; a drawn robot has one.
+  if (variant != schema::kDefaultVariant && subcommand != "reference" &&
+      subcommand != "verify-model") {
     absl::StrAppend(&command, " --variant ", ForShell(variant));
   }
   return command;

@@ -22,8 +22,9 @@ struct CellArguments {
 
   bool json() const { return format == "json"; }
 
-  // A command line of this program for the same cell and database, to be typed into a shell.
-  std::string Command(const std::string& subcommand) const;
+  // A command line for the same cell and database, to be typed into a shell.
+  std::string Command(const std::string& subcommand,
+                      const std::string& program = "silhouette-capture") const;
 };
 
 // A word of a command line, quoted for a shell if it must be.

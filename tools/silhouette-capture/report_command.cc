@@ -3,6 +3,7 @@
 #include <iostream>
 #include <memory>
 
+#include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
@@ -21,6 +22,13 @@ struct ReportOptions {
 
 absl::StatusOr<ExitCode> ReportRun(const ReportOptions& options) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  if (file.cell.robot.drawn) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("'", file.cell.file,
+                     "' says that the robot's images are drawn: no capture is there to report on; "
+                     "verify the model with: ",
+                     options.cell.Command("verify-model")));
+  }
   ASSIGN_OR_RETURN(const auto database, OpenDatabase(file, Database::Access::kRead));
   const std::string folder =
       options.out.empty() ? DefaultReportFolder(file.database, file.variant) : options.out;

@@ -14,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/outliers.h"
 #include "tools/program/progress.h"
@@ -272,7 +273,8 @@ nlohmann::json ReportJson(const CaptureReport& report) {
 }
 
 std::string IndexText(const IndexBuildReport& report) {
-  return absl::StrFormat("collision index    %d of %d tiles built%s\n", report.built, report.tiles,
+  return absl::StrFormat("collision index    %d of %s built%s\n", report.built,
+                         Counted(report.tiles, "tile"),
                          report.stopped                ? ", stopped"
                          : report.built < report.tiles ? ", the others are fresh"
                                                        : "");

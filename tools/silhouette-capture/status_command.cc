@@ -17,14 +17,23 @@ namespace {
 
 struct Status {
   bool database = false;
-  int references = 0;  // images per view that they were made from; 0: none
+  bool drawn = false;     // no robot image is captured
+  bool verified = false;  // the model that they are drawn from
+  bool cameras = false;   // a view has one; else masks are imported
+  int references = 0;     // images per view that they were made from; 0: none
   VariantFacts variant;
 
-  bool complete() const { return references > 0 && variant.missing == 0 && variant.good(); }
+  bool complete() const {
+    if (cameras && references == 0) return false;
+    return drawn ? verified : variant.missing == 0 && variant.good();
+  }
 };
 
 absl::StatusOr<Status> Look(const CellFile& file) {
   Status status;
+  status.drawn = file.cell.robot.drawn.has_value();
+  status.cameras = std::ranges::any_of(
+      file.cell.views, [](const ViewSettings& view) { return HasImages(view.source); });
   status.variant.name = file.variant;
   status.variant.missing = file.cell.grid.size();
   auto database = OpenDatabase(file, Database::Access::kRead);
@@ -42,6 +51,8 @@ absl::StatusOr<Status> Look(const CellFile& file) {
   ASSIGN_OR_RETURN(const auto snapshot, (*database)->Read());
   ASSIGN_OR_RETURN(const auto references, snapshot.References());
   if (references.has_value()) status.references = std::max(1, references->views(0).images());
+  ASSIGN_OR_RETURN(const auto verification, snapshot.Verification());
+  status.verified = verification.has_value();
   if (no_variant) return status;
   ASSIGN_OR_RETURN(status.variant, FactsOf(**database));
   return status;
@@ -49,7 +60,12 @@ absl::StatusOr<Status> Look(const CellFile& file) {
 
 // The next command; empty: there is nothing left to do.
 std::string Next(const CellArguments& arguments, const Status& status) {
-  if (status.references == 0) return arguments.Command("reference");
+  if (status.cameras && status.references == 0) return arguments.Command("reference");
+  if (status.drawn) return status.verified ? "" : arguments.Command("verify-model");
+  if (!status.cameras && !status.complete()) {
+    return arguments.Command("import", "silhouette-db") +
+           (status.variant.damaged > 0 ? " --replace FOLDER" : " FOLDER");
+  }
   if (status.variant.missing > 0) return arguments.Command("run");
   if (status.variant.suspect > 0) return arguments.Command("run") + " --only suspect";
   if (status.variant.damaged > 0) return arguments.Command("run") + " --only outliers";
@@ -65,6 +81,11 @@ std::string StatusText(const CellFile& file, const Status& status, const std::st
   absl::StrAppend(&text, "reference images   ",
                   status.references > 0 ? absl::StrCat(status.references, " per view") : "none",
                   "\n");
+  if (status.drawn) {
+    return absl::StrCat(text, "robot images       drawn from the model, which is ",
+                        status.verified ? "verified" : "not verified",
+                        next.empty() ? "" : "\nnext: ", next, "\n");
+  }
   absl::StrAppendFormat(
       &text, "configurations     %d: %d captured, %d excluded, %d damaged, %d missing\n",
       file.cell.grid.size(), variant.captured, variant.excluded, variant.damaged, variant.missing);
@@ -99,7 +120,7 @@ void AddStatus(CLI::App& app, Work& work) {
   CLI::App* command = app.add_subcommand(
       "status",
       "Shows what is captured, what is missing and what to do next. Works during a capture.\n"
-      "Exit code 0: all is captured; 1: something is missing.");
+      "Exit code 0: all is captured, or drawn from a verified model; 1: something is missing.");
   command->footer("Example:\n  silhouette-capture status --cell cell.yaml --database cell.lmdb");
   const auto arguments = std::make_shared<CellArguments>();
   AddCellOptions(*command, *arguments);

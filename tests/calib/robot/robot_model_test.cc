@@ -248,7 +248,10 @@ TEST(RobotModel, BadFilesAreOneSentence) {
   EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'>\n</robot>"),
               HasSubstr("bad.urdf:3: not well-formed XML"));
   EXPECT_THAT(ErrorOf("<world/>"), HasSubstr("not a valid URDF"));
-  EXPECT_THAT(ErrorOf(""), HasSubstr("bad.urdf"));
+  EXPECT_THAT(ErrorOf(""), HasSubstr("bad.urdf: the file is empty"));
+  EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual>\n<geometry>"
+                      "<mesh filename='a.stl' scale='x 1 1'/></geometry></visual></link></robot>"),
+              HasSubstr("bad.urdf:2: scale=\"x 1 1\" is not three numbers"));
   EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'/><link name='a'/></robot>"),
               HasSubstr("not unique"));
 }

@@ -7,6 +7,7 @@
 #include <sys/statvfs.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -72,6 +73,23 @@ TEST_F(CaptureProgram, GoesFromNothingToACompleteDatabase) {
   EXPECT_THAT(outcome.out, HasSubstr("all is captured"));
 }
 
+TEST_F(CaptureProgram, StatusOfACellWithoutCamerasNamesTheImport) {
+  cell_.WriteCell({{"source: sim, noise: none, image_size: [160, 120], ", ""},
+                   {"-150 deg, upper: 150 deg", "-1, upper: 1"},
+                   {"{joint_1: 9, joint_3: 5}", "{joint_1: 2, joint_3: 2}"}});
+  Outcome outcome = cell_.Run(cell_.Arguments("status"));
+  EXPECT_EQ(outcome.exit_code, 1);
+  const std::string arguments =
+      "import --cell " + cell_.cell() + " --database " + cell_.database() + " ";
+  EXPECT_THAT(outcome.out, HasSubstr("next: silhouette-db " + arguments + "FOLDER\n"));
+  WriteText(cell_ / "configurations.csv",
+            "joint_1,joint_3,top,front\n-1,-120deg,,\n-1,110deg,,\n1,-120deg,,\n1,110deg,,\n");
+  const std::string import = ProgramFolder() + "/silhouette-db " + arguments;
+  ASSERT_EQ(std::system((import + cell_ / "configurations.csv" + " >/dev/null").c_str()), 0);
+  outcome = cell_.Run(cell_.Arguments("status"));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+}
+
 TEST_F(CaptureProgram, CollisionIndexIsThatOfTheCapturedImagesUnlessLeftOut) {
   EXPECT_EQ(cell_.Run(cell_.Arguments("reference")).exit_code, 0);
   Outcome outcome = cell_.Run(cell_.Arguments("run", {"--no-index"}));
@@ -82,7 +100,7 @@ TEST_F(CaptureProgram, CollisionIndexIsThatOfTheCapturedImagesUnlessLeftOut) {
   // Nothing is left to capture; the index is.
   outcome = cell_.Run(cell_.Arguments("run"));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
-  EXPECT_THAT(outcome.out, HasSubstr("collision index    1 of 1 tiles built\n"));
+  EXPECT_THAT(outcome.out, HasSubstr("collision index    1 of 1 tile built\n"));
   ExpectIndexHoldsTheRobotImages(*open());
   EXPECT_EQ(OpenIndex(*open())->State(0), TileState::kFresh);
   outcome = cell_.Run(cell_.Arguments("run", {"--only", "all", "--no-index"}));

@@ -151,5 +151,25 @@ TEST_F(DrawProgram, NeverMixesTolerancesShardsOrCapturedImagesInADatabase) {
   EXPECT_THAT(captured.err, AllOf(HasSubstr("were drawn"), HasSubstr("another database")));
 }
 
+TEST_F(DrawProgram, StatusAndReportNameTheVerificationOfTheModelInsteadOfACapture) {
+  const std::string verify = "silhouette-capture verify-model --cell " + cell_.cell() +
+                             " --database " + cell_.database() + "\n";
+  const Outcome report = cell_.Run(cell_.Arguments("report"));
+  EXPECT_EQ(report.exit_code, 2);
+  EXPECT_THAT(report.err, HasSubstr("are drawn: no capture is there to report on"));
+  EXPECT_THAT(report.err, HasSubstr(verify));
+  cell_.TakeReferences();
+  const Outcome status = cell_.Run(cell_.Arguments("status"));
+  EXPECT_EQ(status.exit_code, 1);
+  EXPECT_THAT(status.out, HasSubstr("the model, which is not verified\nnext: " + verify));
+  {
+    const auto database = *Database::Open(cell_.database(), Database::Access::kWrite);
+    ASSERT_TRUE(database->SetVerification(storage::v1::ModelVerification(), "test").ok());
+  }
+  const Outcome verified = cell_.Run(cell_.Arguments("status"));
+  EXPECT_EQ(verified.exit_code, 0);
+  EXPECT_THAT(verified.out, HasSubstr("the model, which is verified\n"));
+}
+
 }  // namespace
 }  // namespace silhouette

@@ -74,7 +74,12 @@ TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> mistakes = {
       {{"--joint", "elbow", "--view", "top=sim"}, "it has joint_1, joint_2"},
       {{"--joint", "joint_1=3", "--view", "top=sim"}, "joint_1=-90deg:90deg"},
-      {{"--joint", "joint_1=1:-1", "--view", "top=/dev/video0"}, "joint_1"},
+      {{"--joint", "joint_1=1:-1", "--view", "top=/dev/video0"},
+       "silhouette-capture: the options make no valid cell file: grid: joint 'joint_1'"},
+      {{"--joint", "joint_1=-90:90", "--view", "top=/dev/video0"},
+       "--joint joint_1=-90:90: -90 is more than two turns (joint values are radians; did you mean "
+       "degrees? Write 90deg)"},
+      {{"--joint", "joint_1=low:1", "--view", "top=/dev/video0"}, "'low' is no joint value"},
       {{"--view", "top"}, "write name=source"},
       {{"--view", "top=/dev/video0", "--view", "top=/dev/video1"}, "stands twice"},
       {{"--view", "top={usb: 3}"}, "usb"}};
@@ -84,6 +89,16 @@ TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
     EXPECT_THAT(made.err, HasSubstr(mend));
     EXPECT_FALSE(std::filesystem::exists(cell_.cell())) << mend;
   }
+}
+
+TEST_F(NewCell, PackageOfAMeshIsAskedForByTheNameOfTheOption) {
+  const std::string urdf =
+      WriteFile(cell_ / "meshes.urdf",
+                "<robot name='r'><link name='a'><visual><geometry>"
+                "<mesh filename='package://arm/a.stl'/></geometry></visual></link></robot>");
+  const Outcome made = Init({"--view", "top=/dev/video0"}, urdf);
+  EXPECT_EQ(made.exit_code, 2) << made.out;
+  EXPECT_THAT(made.err, HasSubstr("holds the package 'arm' to --package-path (now: none)"));
 }
 
 TEST_F(NewCell, RobotOfMoreJointsThanCanMoveIsRefusedWithTheirNames) {
