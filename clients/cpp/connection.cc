@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
@@ -48,7 +49,7 @@ absl::Status RequireAddress(const std::string& address) {
   } else {
     const size_t colon = address.rfind(':');
     int port = 0;
-    if (colon != std::string::npos && colon > 0 &&
+    if (colon != std::string::npos && colon > 0 && address.find("://") == std::string::npos &&
         absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 && port < 65536) {
       return absl::OkStatus();
     }
@@ -94,8 +95,12 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
                          "certificate: wrong authority, wrong host, or expired (",
                          status.error_message(), ")"));
       }
-      return absl::UnavailableError(absl::StrCat("no server answers at ", address_,
-                                                 "; start silhouette-server or use --server"));
+      if (absl::StrContains(status.error_message(), "DNS")) {
+        return absl::UnavailableError(absl::StrCat("no host has the name in '", address_,
+                                                   "'; correct it, or use the host's IP address"));
+      }
+      return absl::UnavailableError(absl::StrCat(
+          "no server answers at ", address_, "; start silhouette-server or use another address"));
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return absl::DeadlineExceededError(
           absl::StrCat("the server at ", address_, " did not answer within ",

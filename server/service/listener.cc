@@ -94,9 +94,8 @@ absl::StatusOr<std::vector<Descriptor>> ListenAtHost(const std::string& address)
   int number = 0;
   if (colon == std::string::npos || colon == 0 ||
       !absl::SimpleAtoi(address.substr(colon + 1), &number) || number < 0 || number > 65535) {
-    return absl::InvalidArgumentError(absl::StrCat("listen address '", address,
-                                                   "' is not like 127.0.0.1:50051, [::1]:50051 or "
-                                                   "unix:/run/silhouette.sock"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "listen address '", address, "' is not host:port, as in 127.0.0.1:50051 or [::1]:50051"));
   }
   const std::string port = address.substr(colon + 1);
   std::string host = address.substr(0, colon);

@@ -12,7 +12,6 @@
 #include <map>
 #include <memory>
 #include <mutex>
-#include <numbers>
 #include <optional>
 #include <thread>
 
@@ -93,19 +92,6 @@ double Quantile(const std::vector<double>& times, double share) {
   return times.at(static_cast<size_t>(std::max(rank, 1.0)) - 1);
 }
 
-// For a configuration outside the grid that looks as if radians were taken for degrees.
-std::string UnitHint(const Session& session, const Configuration& q,
-                     const client::Verdict& verdict) {
-  constexpr double kNoAngle = 4 * std::numbers::pi;  // joints hardly turn twice
-  const bool large =
-      std::ranges::any_of(q, [](double value) { return std::abs(value) > kNoAngle; });
-  if (session.unit == AngleUnit::kDegrees || !large ||
-      verdict.reason != client::Reason::kOutsideGrid) {
-    return "";
-  }
-  return " (joint values are radians; did you mean degrees? Write 90deg, or give --degrees)";
-}
-
 // `typed`: the first of the configurations, as they stand on the command line.
 std::string CheckTextOf(const Session& session, const std::vector<std::string>& typed,
                         const std::vector<Configuration>& configurations,
@@ -116,7 +102,7 @@ std::string CheckTextOf(const Session& session, const std::vector<std::string>& 
     absl::StrAppend(&text,
                     i < typed.size() ? AsTyped(session, typed[i]) : Spoken(configurations[i]), ": ",
                     Spoken(checks.verdicts[i], checks.basis),
-                    UnitHint(session, configurations[i], checks.verdicts[i]), "\n");
+                    UnitHint(session, {configurations[i]}, {checks.verdicts[i]}), "\n");
   }
   absl::StrAppend(&text, Spoken(checks.basis), "\n");
   if (times.empty()) return text;
@@ -332,8 +318,8 @@ absl::StatusOr<ExplanationNotes> NotesOf(const Session& session, const ExplainAr
   notes.lines = {
       absl::StrCat("Configuration: ", AsTyped(session, arguments.configuration), " (", joints, ")"),
       Spoken(explanation.verdict, basis) +
-          UnitHint(session, ParseConfiguration(arguments.configuration, session.unit),
-                   explanation.verdict),
+          UnitHint(session, {ParseConfiguration(arguments.configuration, session.unit)},
+                   {explanation.verdict}),
       Spoken(basis)};
   if (basis.scene_id != 0) notes.lines.push_back("Images taken: " + Spoken(basis.scene_time));
   notes.lines.push_back(absl::StrCat("Cell '", database.cell_name(), "', preset ", preset));
@@ -360,7 +346,7 @@ absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments&
   }
   PrintResult(session.format, JsonOf(configuration, explanation),
               TextOf(AsTyped(session, arguments.configuration),
-                     UnitHint(session, configuration, explanation.verdict), explanation));
+                     UnitHint(session, {configuration}, {explanation.verdict}), explanation));
   return explanation.verdict.free() ? kDone : kNo;
 }
 
@@ -377,7 +363,7 @@ void AddCheckCommand(CLI::App& program, Session& session) {
   command
       ->add_option("--repeat", arguments->repeat,
                    "Repeat the request this many times and report the latency")
-      ->check(CLI::NonNegativeNumber);
+      ->check(PositiveNumber());
   command
       ->add_flag("--stream", arguments->stream,
                  "Read them from stdin, one a line, and answer each at once, over one call")

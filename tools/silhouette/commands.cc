@@ -28,7 +28,7 @@ void AddServerOptions(CLI::App& program, Session& session) {
   program.add_option("--tls-key", session.tls.key, "PEM file of its private key")
       ->envname("SILHOUETTE_TLS_KEY");
   program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
-      ->check(PositiveNumber())
+      ->check(CLI::Range(0.001, 1e6))
       ->capture_default_str();
 }
 
@@ -40,6 +40,10 @@ void AddVerdictOptions(CLI::App& command, Session& session) {
                   "uncalibrated; paper: all views must agree; where the cell is calibrated also "
                   "calibrated, paper-calibrated; where its file has 'sound' also sound-planes, "
                   "sound")
+      ->check([](const std::string& text) {
+        return text.empty() ? "'' is no preset; leave the option out for the server's"
+                            : std::string();
+      })
       ->group(group);
   command
       .add_option("--min-views", session.policy.min_views,
@@ -75,6 +79,17 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
   command.add_flag_callback(
       "--degrees", [&session] { session.unit = AngleUnit::kDegrees; },
       what + " without a unit are degrees");
+}
+
+std::string UnitHint(const Session& session, const std::vector<Configuration>& configurations,
+                     const std::vector<client::Verdict>& verdicts) {
+  std::string hint;
+  for (size_t i = 0; i < verdicts.size() && hint.empty(); ++i) {
+    if (session.unit == AngleUnit::kDegrees) break;
+    if (verdicts[i].reason != client::Reason::kOutsideGrid) continue;
+    hint = DegreesHint(configurations[i], ", or give --degrees");
+  }
+  return hint;
 }
 
 void AddResolutionOption(CLI::App& command, std::optional<double>& resolution) {
@@ -122,7 +137,7 @@ void AddSeparationOptions(CLI::App& command, PathArguments& arguments) {
           "With --separation: only the beginning of the path, until some point of the robot "
           "has moved so many metres, and then until it stands")
       ->needs(separation)
-      ->check(CLI::NonNegativeNumber);
+      ->check(NumberFromZero());
 }
 
 std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments) {

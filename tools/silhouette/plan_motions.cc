@@ -95,8 +95,9 @@ Json MotionPathJson(const MotionPlan& plan, const std::vector<GridJoint>& joints
   return json;
 }
 
-std::string MotionPlanText(const MotionPlan& plan) {
-  if (!plan.found()) return absl::StrCat("no path: ", MotionOutcome(plan), "\n");
+// `hint` follows the reason why there is none.
+std::string MotionPlanText(const MotionPlan& plan, const std::string& hint) {
+  if (!plan.found()) return absl::StrCat("no path: ", MotionOutcome(plan), hint, "\n");
   std::string text = absl::StrFormat("a path of %d waypoints, found by %s in %.3g ms\n",
                                      plan.search.waypoints.size(), plan.planner, plan.search_ms);
   for (const Configuration& q : plan.search.waypoints)
@@ -125,7 +126,8 @@ absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& cli
             {"places_checked", plan.check ? Json(plan.check->checked) : Json()},
             {"hidden_possible", plan.check ? Json(plan.check->verdict.hidden_possible) : Json()}};
   json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
-  PrintResult(session.format, json, MotionPlanText(plan));
+  PrintResult(session.format, json,
+              MotionPlanText(plan, UnitHint(session, {start, goal}, plan.ends.verdicts)));
   return plan.found() ? kDone : kNo;
 }
 

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "silhouette/local_space.h"
 #include "silhouette/path_watch.h"
@@ -69,7 +70,7 @@ class Lines {
 };
 
 std::string Skipped(uint64_t scenes) {
-  return scenes == 0 ? "" : absl::StrFormat(", %d scene%s skipped", scenes, scenes == 1 ? "" : "s");
+  return scenes == 0 ? "" : absl::StrCat(", ", Counted(scenes, "scene"), " skipped");
 }
 
 // `reason`: why all is unknown now; `problem`: of the connection.
@@ -81,7 +82,7 @@ void PrintSpace(const client::SpaceSnapshot& snapshot, std::optional<client::Rea
                                               counts.occupied, counts.unknown);
   if (!problem.ok()) absl::StrAppend(&text, " (", problem.message(), ")");
   if (update) {
-    absl::StrAppend(&text, "; ", snapshot.tiles_changed(), " tiles changed",
+    absl::StrAppend(&text, "; ", Counted(snapshot.tiles_changed(), "tile"), " changed",
                     Skipped(snapshot.skipped_scenes()));
   }
   Json json = JsonOf(snapshot.basis());

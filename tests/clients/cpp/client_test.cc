@@ -401,7 +401,7 @@ TEST(Errors, NameTheServerAndTheMend) {
   const auto gone = Client::Connect(address).value().CheckConfigurations(kOne);
   EXPECT_EQ(gone.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(std::string(gone.status().message()),
-            "no server answers at " + address + "; start silhouette-server or use --server");
+            "no server answers at " + address + "; start silhouette-server or use another address");
   FakeServer empty;
   const auto unknown_call = ClientOfHere(empty).GetDatabase();
   EXPECT_EQ(unknown_call.status().code(), absl::StatusCode::kUnimplemented);

@@ -728,6 +728,10 @@ TEST_F(ServerProgramTest, ReplayOpensThePageAndNothingElse) {
 TEST_F(ServerProgramTest, WrongCommandLinesAreTheUsersMistake) {
   EXPECT_EQ(Refused({}), 2);
   EXPECT_THAT(errors, HasSubstr("--cell"));
+  EXPECT_EQ(Refused({"--cell", cell, "--robot-image-memory", "8"}), 2);
+  EXPECT_THAT(errors, HasSubstr("'8' is no size with its unit"));
+  EXPECT_EQ(Refused({"--cell", cell, "--database", database, "--page", "nonsense"}), 2);
+  EXPECT_THAT(errors, HasSubstr("'nonsense' is not host:port, as in 127.0.0.1:50051 or [::1]"));
   EXPECT_EQ(Refused({"--cell", folder / "nothing.yaml", "--database", database}), 2);
   EXPECT_THAT(errors, HasSubstr("nothing.yaml"));
   EXPECT_EQ(Refused({"--cell", cell}), 2);

@@ -74,7 +74,7 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   EXPECT_EQ(cell_.Run("check 0,0 0.6,0.2").exit_code, 1);
   EXPECT_EQ(cell_.Run("check 5,5").exit_code, 1) << "outside the grid";
   EXPECT_THAT(cell_.Run("check 5,5").out, Not(HasSubstr("degrees")));
-  for (const char* command : {"check 90,0", "explain 90,0"}) {
+  for (const char* command : {"check 90,0", "explain 90,0", "plan 90,0 0,0", "plan 0,0 90,0"}) {
     EXPECT_THAT(cell_.Run(command).out, HasSubstr("did you mean degrees?")) << command;
   }
   const Json answer = RunJson("check 0,0 0.6,0.2 --repeat 5", 1);
@@ -438,6 +438,31 @@ TEST_F(Silhouette, RegionIsAllowedListedNamedAndRevoked) {
   EXPECT_EQ(cell_.Run("check 0.6,0.2").exit_code, 1);
 }
 
+TEST_F(Silhouette, MistakesOnTheCommandLineAreOneSentenceThatNamesThem) {
+  PublishWall();
+  const auto error = [&](const std::string& arguments) {
+    const Ended ended = cell_.Run(arguments);
+    EXPECT_EQ(ended.exit_code, 2) << arguments << ": " << ended.out;
+    EXPECT_LT(ended.err.size(), 200u);
+    return ended.err;
+  };
+  EXPECT_THAT(error("path 0,0 0,1 --separation --horizon inf"), HasSubstr("'inf' is not a number"));
+  EXPECT_THAT(error("path 0,0 0,1 --separation --horizon -1"), HasSubstr("'-1' is less than 0"));
+  EXPECT_THAT(error("scene bogus"),
+              HasSubstr("there is no subcommand 'bogus'; known are 'publish'"));
+  EXPECT_THAT(error("check 0,0 --preset ''"), HasSubstr("leave the option out"));
+  EXPECT_THAT(error("check 0,0 --repeat 0"), HasSubstr("'0' is not a number above zero"));
+  EXPECT_THAT(error("check 0,0 --timeout 1e-12"), HasSubstr("--timeout: Value 1e-12 not in range"));
+  EXPECT_THAT(error("check 0,0 --max-occluded-views 2"),
+              HasSubstr("max_occluded_views: it must be less than 2, the number of views, not 2"));
+  EXPECT_THAT(error("--server http://127.0.0.1:50051 check 0,0"),
+              HasSubstr("is not a server address; use host:port"));
+  EXPECT_THAT(error("check --file - </dev/null"), HasSubstr("-: it has no configuration"));
+  const Ended unknown = cell_.Run("--server no-such-host.invalid:50051 check 0,0");
+  EXPECT_EQ(unknown.exit_code, 3);
+  EXPECT_THAT(unknown.err, HasSubstr("no host has the name in 'no-such-host.invalid:50051'"));
+}
+
 TEST_F(Silhouette, WrongRegionsAreNamed) {
   const auto error = [&](const std::string& arguments) {
     const Ended ended = cell_.Run("region allow part " + arguments);
@@ -465,7 +490,7 @@ TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
     EXPECT_EQ(ended.exit_code, 3) << arguments;
     EXPECT_THAT(ended.out, IsEmpty());
     EXPECT_EQ(ended.err, "silhouette: no server answers at " + cell_.address() +
-                             "; start silhouette-server or use --server\n");
+                             "; start silhouette-server or use another address\n");
   }
 }
 

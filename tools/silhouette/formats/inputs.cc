@@ -28,8 +28,14 @@ Configuration ParseParts(const std::vector<std::string>& parts, AngleUnit unit) 
 }
 
 absl::StatusOr<std::string> ReadText(const std::string& file) {
-  if (file != "-") return ReadWholeFile(file);
-  return std::string(std::istreambuf_iterator<char>(std::cin), {});
+  std::string text;
+  if (file == "-") {
+    text.assign(std::istreambuf_iterator<char>(std::cin), {});
+  } else {
+    ASSIGN_OR_RETURN(text, ReadWholeFile(file));
+  }
+  if (text.starts_with("\xef\xbb\xbf")) text.erase(0, 3);  // some programs begin a text with it
+  return text;
 }
 
 namespace fs = std::filesystem;
@@ -88,6 +94,10 @@ absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string&
     } catch (const std::invalid_argument& error) {
       return absl::InvalidArgumentError(absl::StrCat(file, ":", line_number, ": ", error.what()));
     }
+  }
+  if (configurations.empty()) {
+    return absl::InvalidArgumentError(
+        file + ": it has no configuration; write one a line, such as 0.1,-30deg");
   }
   return configurations;
 }

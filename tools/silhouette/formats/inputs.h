@@ -18,7 +18,7 @@
 namespace silhouette {
 
 // A configuration per line, values separated by commas or blanks; empty lines and what follows a #
-// do not count. `file` "-": standard input. Errors name file and line.
+// do not count; at least one. `file` "-": standard input. Errors name file and line.
 absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
                                                               AngleUnit unit);
 

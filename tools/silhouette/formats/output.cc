@@ -275,8 +275,8 @@ Json JsonOf(const client::Separation& separation) {
 
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
-    return absl::StrCat(Spoken(check.verdict, check.basis), ": ", check.checked, " places checked",
-                        SpokenProof(check), SpokenSeparation(check));
+    return absl::StrCat(Spoken(check.verdict, check.basis), ": ", Counted(check.checked, "place"),
+                        " checked", SpokenProof(check), SpokenSeparation(check));
   }
   return absl::StrCat("not free at ",
                       SpokenPlace(check.configuration, check.fraction, check.segment), ": ",

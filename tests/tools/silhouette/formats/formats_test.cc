@@ -41,7 +41,7 @@ TEST(ConfigurationText, ValuesCarryTheirUnitOrTakeTheGivenOne) {
 }
 
 TEST(ConfigurationText, WhatIsNoValueIsNamed) {
-  for (const char* text : {"", "x", "1,", ",1", "nan", "inf", "1;2", "deg", "1 2"}) {
+  for (const char* text : {"", "x", "1,", ",1", "nan", "inf", "0x10", "1;2", "deg", "1 2"}) {
     EXPECT_THROW(ParseConfiguration(text, kRadians), std::invalid_argument) << text;
   }
   EXPECT_THROW(ParseJoint("axis_1", kRadians), std::invalid_argument);
@@ -54,10 +54,17 @@ TEST(ConfigurationText, WhatIsNoValueIsNamed) {
   }
 }
 
+TEST(ConfigurationText, DegreesAreAskedForWhereRadiansTurnTooOften) {
+  EXPECT_EQ(DegreesHint(std::vector<double>{3, -12}), "");
+  EXPECT_EQ(DegreesHint(std::vector<double>{1e308}), "");
+  EXPECT_EQ(DegreesHint(std::vector<double>{0, -90}, ", or stop"),
+            " (joint values are radians; did you mean degrees? Write 90deg, or stop)");
+}
+
 TEST(ConfigurationText, FileHasAConfigurationPerLine) {
   const Shell shell;
   const std::string file = (shell.folder() / "list.txt").string();
-  WriteFile(file, "# two\n0.1, 0.2\n\n 90deg\t1  # second\n");
+  WriteFile(file, "\xef\xbb\xbf# two\n0.1, 0.2\n\n 90deg\t1  # second\n");
   const auto read = ReadConfigurations(file, kRadians);
   ASSERT_TRUE(read.ok()) << read.status();
   ASSERT_EQ(read->size(), 2u);
@@ -66,6 +73,10 @@ TEST(ConfigurationText, FileHasAConfigurationPerLine) {
   const absl::Status status = ReadConfigurations(file, kRadians).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr(file + ":2"), HasSubstr("'?'")));
+  WriteFile(file, "# none\n");
+  const absl::Status none = ReadConfigurations(file, kRadians).status();
+  EXPECT_EQ(none.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(none.message()), HasSubstr(file + ": it has no configuration"));
 }
 
 TEST(ConfigurationText, WaypointsComeFromJson) {
