@@ -162,6 +162,12 @@ absl::StatusOr<Policy> PolicyFrom(const v1::Policy& message, const Policy& defau
     if (policy.preset != Preset::kUncalibrated) {
       return FieldError("policy.max_occluded_views", "it goes with the preset 'uncalibrated'");
     }
+    // The default, 1, is one of a single view, too.
+    if (message.max_occluded_views() > std::max(1, views - 1)) {
+      return FieldError("policy.max_occluded_views",
+                        absl::StrCat("it must be less than ", views, ", the number of views, not ",
+                                     message.max_occluded_views()));
+    }
     policy.max_occluded_views = message.max_occluded_views();
     policy.min_views.reset();
   }

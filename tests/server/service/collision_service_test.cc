@@ -100,6 +100,8 @@ TEST_F(CollisionServiceTest, WrongPoliciesAreRefusedByName) {
   request.mutable_policy()->clear_min_views();
   request.mutable_policy()->set_max_occluded_views(-1);
   EXPECT_EQ(Refusal(request), "policy: max_occluded_views must not be negative");
+  request.mutable_policy()->set_max_occluded_views(3);
+  EXPECT_THAT(Refusal(request), HasSubstr("it must be less than 3, the number of views, not 3"));
   request.mutable_policy()->set_preset("paper");
   EXPECT_THAT(Refusal(request), HasSubstr("policy.max_occluded_views"));
   request.mutable_policy()->Clear();
