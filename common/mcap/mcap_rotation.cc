@@ -17,7 +17,7 @@ namespace {
 constexpr char kTimeInName[] = "%E4Y%m%dT%H%M%E3SZ";
 
 // Whether a file has the name that Begin() gives.
-bool IsNamedAfterTime(std::string_view name, const std::string& prefix) {
+bool IsNamedAfterTime(absl::string_view name, const std::string& prefix) {
   absl::Time time;
   std::string error;
   return absl::ConsumePrefix(&name, absl::StrCat(prefix, "-")) &&

@@ -33,7 +33,7 @@ namespace {
 absl::StatusOr<Mask> ReadIgnored(const ViewSettings& view) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(view.ignore));
   const absl::StatusOr<cv::Mat> white = DecodeBlackAndWhite(bytes);
-  const auto wrong = [&](std::string_view why) {
+  const auto wrong = [&](absl::string_view why) {
     return absl::InvalidArgumentError(absl::StrCat("'", view.ignore, "': ", why));
   };
   if (!white.ok()) return wrong(white.status().message());

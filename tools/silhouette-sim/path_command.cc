@@ -9,6 +9,7 @@
 #include "capture/sim/contact.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
+#include "tools/program/path_file.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
 #include "tools/silhouette-sim/path_picture.h"
@@ -29,19 +30,15 @@ struct Place {
   MotionContact motion;
 };
 
-absl::StatusOr<std::vector<std::vector<double>>> ReadWaypoints(const std::string& path) {
-  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(path));
-  try {
-    const auto waypoints =
-        nlohmann::json::parse(text).at("waypoints").get<std::vector<std::vector<double>>>();
-    if (waypoints.empty()) return absl::InvalidArgumentError(path + ": the path has no waypoint");
-    return waypoints;
-  } catch (const nlohmann::json::parse_error& error) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": not JSON, at byte ", error.byte));
-  } catch (const nlohmann::json::exception&) {
-    return absl::InvalidArgumentError(
-        path + ": a list of configurations under the key \"waypoints\" is expected");
-  }
+// Its waypoints, radians and metres, in the order of the grid's joints.
+absl::StatusOr<std::vector<std::vector<double>>> ReadWaypoints(const std::string& file,
+                                                               const Workplace& workplace) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  ASSIGN_OR_RETURN(PathFile path, ParsePath(text, file));
+  std::vector<std::string> joints;
+  for (const GridJoint& joint : workplace.cell.grid.joints()) joints.push_back(joint.name);
+  RETURN_IF_ERROR(RequireJoints(path, joints));
+  return std::move(path.waypoints);
 }
 
 // The first contact, else the narrowest place.
@@ -72,7 +69,7 @@ Configuration GridValues(const Workplace& workplace, const std::vector<double>& 
 
 absl::StatusOr<ExitCode> RunPath(const PathArguments& arguments) {
   ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
-  ASSIGN_OR_RETURN(const auto waypoints, ReadWaypoints(arguments.path));
+  ASSIGN_OR_RETURN(const auto waypoints, ReadWaypoints(arguments.path, workplace));
   std::vector<std::vector<double>> positions;
   for (size_t i = 0; i < waypoints.size(); ++i) {
     const auto at = workplace.Positions(waypoints[i]);

@@ -288,8 +288,9 @@ struct CheckPathArguments {
 };
 
 absl::StatusOr<ExitCode> CheckPath(const Session& session, const CheckPathArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
+  ASSIGN_OR_RETURN(const auto waypoints,
+                   WaypointsOf(session, arguments.path, [&] { return client.GetDatabase(); }));
   ASSIGN_OR_RETURN(const auto check,
                    client.CheckPath(waypoints, session.policy, session.clearance,
                                     arguments.resolution, SeparationOf(arguments.path)));

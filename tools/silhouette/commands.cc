@@ -145,13 +145,22 @@ std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& argume
   return client::SeparationPolicy{.horizon = arguments.horizon};
 }
 
-absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Session& session,
-                                                       const PathArguments& arguments) {
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(
+    const Session& session, const PathArguments& arguments,
+    const std::function<absl::StatusOr<v1::GetDatabaseResponse>()>& database) {
   if (arguments.waypoints.empty() == arguments.file.empty()) {
     return absl::InvalidArgumentError(
         "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
   }
-  if (!arguments.file.empty()) return ReadWaypoints(arguments.file);
+  if (!arguments.file.empty()) {
+    ASSIGN_OR_RETURN(PathFile path, ReadPath(arguments.file));
+    if (path.joints.empty()) return std::move(path.waypoints);
+    ASSIGN_OR_RETURN(const v1::GetDatabaseResponse asked, database());
+    std::vector<std::string> joints;
+    for (const v1::GridJoint& joint : asked.grid().joints()) joints.push_back(joint.name());
+    RETURN_IF_ERROR(RequireJoints(path, joints));
+    return std::move(path.waypoints);
+  }
   std::vector<Configuration> waypoints;
   for (const std::string& text : arguments.waypoints) {
     waypoints.push_back(ParseConfiguration(text, session.unit));

@@ -71,9 +71,11 @@ void AddPathArguments(CLI::App& command, Session& session, PathArguments& argume
 void AddSeparationOptions(CLI::App& command, PathArguments& arguments);
 // Nothing if it is not asked for.
 std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments);
-// InvalidArgument if there is none, or both.
-absl::StatusOr<std::vector<Configuration>> WaypointsOf(const Session& session,
-                                                       const PathArguments& arguments);
+// InvalidArgument if there is none, or both, or if the file says that its path is of other joints
+// than the database's, which is asked for only then.
+absl::StatusOr<std::vector<Configuration>> WaypointsOf(
+    const Session& session, const PathArguments& arguments,
+    const std::function<absl::StatusOr<v1::GetDatabaseResponse>()>& database);
 
 // When `command` is chosen, session.run calls `action` with the session and the arguments that the
 // command has read, if it has any.

@@ -160,7 +160,8 @@ absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
                                                   const RecordedMoment& moment) {
   std::vector<Question> questions;
   if (!arguments.path.waypoints.empty() || !arguments.path.file.empty()) {
-    ASSIGN_OR_RETURN(auto waypoints, WaypointsOf(session, arguments.path));
+    ASSIGN_OR_RETURN(auto waypoints,
+                     WaypointsOf(session, arguments.path, [&] { return moment.database; }));
     questions.push_back({.waypoints = std::move(waypoints), .watched = {}});
     return questions;
   }

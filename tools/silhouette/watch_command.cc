@@ -163,7 +163,8 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
 
 absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
                                    const WatchArguments& arguments, Lines& lines) {
-  ASSIGN_OR_RETURN(const auto waypoints, WaypointsOf(session, arguments.path));
+  ASSIGN_OR_RETURN(const auto waypoints,
+                   WaypointsOf(session, arguments.path, [&] { return client.GetDatabase(); }));
   while (!lines.End()) {
     const absl::Status ended =
         WatchPathOnce(session, client, waypoints, SeparationOf(arguments.path), lines);

@@ -232,7 +232,7 @@ TEST_F(Silhouette, SpaceTellsClearancesInLevels) {
 
 TEST_F(Silhouette, SpaceThatTheServerHadNoTimeForIsUnknown) {
   PublishWall();
-  const Ended ended = cell_.Run("space --max-time 0s");
+  const Ended ended = cell_.Run("space --max-time 1ns");
   EXPECT_EQ(ended.exit_code, 0);
   EXPECT_THAT(ended.out, AllOf(HasSubstr("121 unknown"), HasSubstr("1 of 1 tiles; ask again")));
   const Json counts = RunJson("space --max-time 10s", 0);

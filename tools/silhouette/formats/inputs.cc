@@ -109,18 +109,9 @@ std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit) {
   return ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit);
 }
 
-absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file) {
+absl::StatusOr<PathFile> ReadPath(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(file));
-  try {
-    auto waypoints = nlohmann::json::parse(text).at("waypoints").get<std::vector<Configuration>>();
-    if (waypoints.empty()) return absl::InvalidArgumentError(file + ": the path has no waypoint");
-    return waypoints;
-  } catch (const nlohmann::json::parse_error& error) {
-    return absl::InvalidArgumentError(absl::StrCat(file, ": not JSON, at byte ", error.byte));
-  } catch (const nlohmann::json::exception&) {
-    return absl::InvalidArgumentError(
-        file + ": a list of configurations under the key \"waypoints\" is expected");
-  }
+  return ParsePath(text, file);
 }
 
 absl::StatusOr<ImagesFolder> ReadImagesFolder(const std::string& folder) {

@@ -14,6 +14,7 @@
 #include "silhouette/configuration_grid.h"
 #include "silhouette/v1/scene_service.pb.h"
 #include "tools/program/joint_values.h"
+#include "tools/program/path_file.h"
 
 namespace silhouette {
 
@@ -25,8 +26,8 @@ absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string&
 // One such line; nothing if there is nothing on it. Throws std::invalid_argument with one sentence.
 std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit);
 
-// The configurations under the key "waypoints" of a JSON file; at least one.
-absl::StatusOr<std::vector<Configuration>> ReadWaypoints(const std::string& file);
+// `file` "-": standard input.
+absl::StatusOr<PathFile> ReadPath(const std::string& file);
 
 struct ImageFile {
   std::string view;

@@ -79,16 +79,27 @@ TEST(ConfigurationText, FileHasAConfigurationPerLine) {
   EXPECT_THAT(std::string(none.message()), HasSubstr(file + ": it has no configuration"));
 }
 
+TEST(ConfigurationText, APathOfOtherJointsIsNotThatOfTheCell) {
+  const auto path = ParsePath(R"({"joints": ["b", "a"], "waypoints": [[0.1, 0.2]]})", "path.json");
+  ASSERT_TRUE(path.ok()) << path.status();
+  EXPECT_TRUE(RequireJoints(*path, {"b", "a"}).ok());
+  EXPECT_EQ(RequireJoints(*path, {"a", "b"}),
+            absl::InvalidArgumentError("path.json: the path is of the joints b, a, and the cell's "
+                                       "configurations are of a, b, in this order"));
+}
+
 TEST(ConfigurationText, WaypointsComeFromJson) {
   const Shell shell;
   const std::string file = (shell.folder() / "path.json").string();
   WriteFile(file, R"({"waypoints": [[0.1, 0.2], [0.3, 0.2]], "more": 1})");
-  const auto read = ReadWaypoints(file);
+  const auto read = ReadPath(file);
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(read->at(1), (Configuration{0.3, 0.2}));
-  for (const char* wrong : {"[", "[]", "{}", R"({"waypoints": []})", R"({"waypoints": [["a"]]})"}) {
+  EXPECT_EQ(read->waypoints.at(1), (Configuration{0.3, 0.2}));
+  EXPECT_TRUE(RequireJoints(*read, {"a", "b"}).ok());
+  for (const char* wrong : {"[", "[]", "{}", R"({"waypoints": []})", R"({"waypoints": [["a"]]})",
+                            R"({"joints": 2, "waypoints": [[0.1, 0.2]]})"}) {
     WriteFile(file, wrong);
-    const absl::Status status = ReadWaypoints(file).status();
+    const absl::Status status = ReadPath(file).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << wrong;
     EXPECT_THAT(std::string(status.message()), HasSubstr(file));
   }
