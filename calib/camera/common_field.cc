@@ -63,7 +63,36 @@ std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int he
            {knot + kFieldColumns + 1, right * down}}};
 }
 
-std::optional<FoundField> FindCommonField(const SolvedResiduals& solved) {
+OwnFields FindOwnFields(const SolvedResiduals& solved, int freedom) {
+  OwnFields found;
+  // With H = J C J': F'r, and F'(I - H)F of each cluster.
+  double squares = 0;
+  double pulls = 0;
+  double trace = 0;
+  double norms = 0;
+  for (size_t c = 0; c < solved.clusters.size(); ++c) {
+    const Rows state = RowsOf(solved.by_state, solved.clusters[c]);
+    const Rows field = RowsOf(solved.by_field, solved.clusters[c]);
+    const Eigen::VectorXd r = solved.residuals(solved.clusters[c]);
+    found.pulls.emplace_back(state.transpose() * field);
+    const Eigen::MatrixXd followed = solved.root_times(c, Eigen::MatrixXd(found.pulls.back()));
+    const Eigen::MatrixXd left =
+        Eigen::MatrixXd(field.transpose() * field) - followed.transpose() * followed;
+    squares += r.squaredNorm();
+    pulls += (field.transpose() * r).squaredNorm();
+    trace += left.trace();
+    norms += left.squaredNorm();
+  }
+  // squares = freedom * noise + trace * shifts; pulls = trace * noise + norms * shifts.
+  const double determined = freedom * norms - trace * trace;
+  const double shifts =
+      determined > 0 ? std::max(0.0, (freedom * pulls - trace * squares) / determined) : 0;
+  found.noise = std::max(0.0, (squares - trace * shifts) / freedom);
+  found.sigma = std::sqrt(shifts);
+  return found;
+}
+
+std::optional<FoundField> FindCommonField(const SolvedResiduals& solved, const OwnFields& own) {
   constexpr double kChance = 4;  // standard deviations
   FoundField found;
   found.motion = solved.covariance_times(solved.by_state.transpose() * solved.by_field);
@@ -73,18 +102,16 @@ std::optional<FoundField> FindCommonField(const SolvedResiduals& solved) {
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(shifts);
   Eigen::MatrixXd products = Eigen::MatrixXd::Zero(shifts, shifts);
   Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(shifts, shifts);
-  double own_pull = 0;
+  double own_pulls = 0;
   double own_products = 0;
   double own_squares = 0;
   double followed = 0;
+  double followed_own = 0;
   for (size_t c = 0; c < solved.clusters.size(); ++c) {
     // Of the cluster's few states: J'F, J'J, J'r, and their motion.
     Rows state = RowsOf(solved.by_state, solved.clusters[c]);
     const Rows field = RowsOf(solved.by_field, solved.clusters[c]);
-    Eigen::VectorXd r(state.rows());
-    for (Eigen::Index i = 0; i < r.size(); ++i) {
-      r[i] = solved.residuals[solved.clusters[c][static_cast<size_t>(i)]];
-    }
+    const Eigen::VectorXd r = solved.residuals(solved.clusters[c]);
     const std::vector<int> states = GatherColumns(state);
     const Eigen::MatrixXd motion = found.motion(states, Eigen::all);
     const Eigen::MatrixXd by_field = state.transpose() * field;
@@ -92,21 +119,30 @@ std::optional<FoundField> FindCommonField(const SolvedResiduals& solved) {
     const Eigen::MatrixXd half = motion.transpose() * (by_field - followed_by / 2);
     const Eigen::MatrixXd of_own =
         Eigen::MatrixXd(field.transpose() * field) - half - half.transpose();
-    const Eigen::VectorXd own =
+    const Eigen::VectorXd own_pull =
         field.transpose() * r - motion.transpose() * (state.transpose() * r);
     Eigen::MatrixXd by_state = Eigen::MatrixXd::Zero(solved.by_state.cols(), shifts);
     by_state(states, Eigen::all) = by_field - followed_by;
-    pull += own;
-    products += own * own.transpose();
+    pull += own_pull;
+    products += own_pull * own_pull.transpose();
     squares += of_own;
-    own_pull += own.squaredNorm();
-    own_products += own.squaredNorm() * own.squaredNorm();
+    own_pulls += own_pull.squaredNorm();
+    own_products += own_pull.squaredNorm() * own_pull.squaredNorm();
     own_squares += of_own.squaredNorm();
-    followed += solved.trace(c, by_state);
+    const Eigen::MatrixXd root = solved.root_times(c, by_state);
+    followed += own.noise * root.squaredNorm();
+    if (!(own.sigma > 0)) continue;
+    const Eigen::MatrixXd by_own =
+        Eigen::MatrixXd(field.transpose() * field) - by_field.transpose() * motion;
+    const Eigen::MatrixXd left =
+        by_own - solved.root_times(c, Eigen::MatrixXd(own.pulls[c])).transpose() * root;
+    followed_own += by_own.squaredNorm() - left.squaredNorm();
   }
-  const double excess = pull.squaredNorm() - own_pull - solved.variance * followed;
+  const double excess =
+      pull.squaredNorm() - own_pulls - followed - own.sigma * own.sigma * followed_own;
   const double chance = std::sqrt(std::max(0.0, 2 * (products.squaredNorm() - own_products)));
-  const double expected = squares.squaredNorm() - own_squares;
+  // The own fields were found with the common one in them.
+  const double expected = squares.squaredNorm() - own_squares - followed_own;
   if (!(expected > 0) || !(excess > kChance * chance)) return std::nullopt;
   found.sigma = std::sqrt(excess / expected);
   return found;

@@ -33,20 +33,33 @@ struct SolvedResiduals {
   Rows by_state;  // J
   Rows by_field;  // the derivatives of the measurements, as weighted, by the fields' shifts
   Eigen::VectorXd residuals;
-  double variance = 1;  // of the residuals by errors that no field has
-  // Rows whose errors may depend on each other in ways that are not the field's: of an image, or of
-  // a pose. Rows of none do not count.
+  // Rows whose errors may depend on each other in ways that are not the common field's: of the
+  // images of a placing, or of a pose. Rows of none do not count.
   std::vector<std::vector<int>> clusters;
-  // C X of any X; and the trace of X'C X where X has rows of the cluster's states only.
+  // C X of any X; and some Y with Y'Y = X'C X where X has rows of the cluster's states only.
   std::function<Eigen::MatrixXd(const Eigen::MatrixXd& x)> covariance_times;
-  std::function<double(size_t cluster, const Eigen::MatrixXd& x)> trace;
+  std::function<Eigen::MatrixXd(size_t cluster, const Eigen::MatrixXd& x)> root_times;
 };
+
+// OwnFields: the errors that the corners of one image have in common, as by blur, time or print:
+// a field like CommonField, but drawn again for each image.
+struct OwnFields {
+  double noise = 0;  // variance of the residuals by errors that are independent of each other
+  double sigma = 0;  // of a shift, pixels
+  // J'F of each cluster, with F its rows of by_field: by which its fields pull the state.
+  std::vector<Eigen::SparseMatrix<double>> pulls;
+};
+// Variance components by the method of moments (Henderson, Biometrics 9, 1953): noise and shifts
+// are as large as the squares of the residuals, and of F'r summed over clusters, are expected to
+// be. `freedom`: of the residuals.
+OwnFields FindOwnFields(const SolvedResiduals& solved, int freedom);
 
 struct FoundField {
   double sigma = 0;        // of a shift, pixels
   Eigen::MatrixXd motion;  // of the state by the shifts
 };
 // From what the residuals of different clusters have in common; nothing if that may be chance.
-std::optional<FoundField> FindCommonField(const SolvedResiduals& solved);
+// `own`: the errors of each residual and image by themselves.
+std::optional<FoundField> FindCommonField(const SolvedResiduals& solved, const OwnFields& own);
 
 }  // namespace silhouette

@@ -2,7 +2,6 @@
 #include "calib/intrinsics/lens_problem.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -47,10 +46,10 @@ absl::Status Undetermined() {
       "and moved all over each image");
 }
 
-// Of a symmetric, positive matrix. FailedPrecondition if it is none.
-absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
-  const Eigen::Index size = matrix.rows();
-  if (size == 0) return matrix;
+// A matrix R such that R'R is the inverse of a symmetric, positive matrix. FailedPrecondition if it
+// is none.
+absl::StatusOr<LongMatrix> RootOfInverse(const LongMatrix& matrix) {
+  if (matrix.size() == 0) return matrix;
   // Scaled, as lengths and pixels are not of one size.
   const Eigen::Matrix<long double, Eigen::Dynamic, 1> scale =
       matrix.diagonal().cwiseSqrt().cwiseInverse();
@@ -60,35 +59,9 @@ absl::StatusOr<LongMatrix> Inverse(const LongMatrix& matrix) {
   if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > kLeastDetermined)) {
     return Undetermined();
   }
-  const LongMatrix inverse = solver.solve(LongMatrix::Identity(size, size));
-  return LongMatrix(scale.asDiagonal() * inverse * scale.asDiagonal());
-}
-
-// LensCovariance::common_errors: how far the placings, each by itself, pull the shared state apart,
-// against how far independent errors of their corners would. A pull is measured by what the other
-// placings know of the state (bias-reduced cluster-robust variance, Bell and McCaffrey 2002): the
-// more the solution follows a placing, the less its residuals show of its errors. Mean of all
-// directions. `reduced`: the normal equations without the boards; `inverse`: theirs.
-// `chi_squared`: of the solve, per degree of freedom.
-absl::StatusOr<double> CommonErrors(const NormalEquations& n, const LongMatrix& reduced,
-                                    const LongMatrix& inverse, double chi_squared) {
-  constexpr double kExcess = 1.3;             // less is chance
-  constexpr long double kLeastKnown = 1e-3L;  // by the others, as a share
-  long double found = 0;
-  long double expected = 0;
-  for (size_t i = 0; i < n.board.size(); ++i) {
-    const LongMatrix by_shared = Eigen::LDLT<LongMatrix6>(n.board[i]).solve(n.mixed[i].transpose());
-    const LongMatrix pull = n.pull[i] - by_shared.transpose() * n.board_pull[i];
-    const LongMatrix own = n.own[i] - n.mixed[i] * by_shared;
-    const Eigen::LDLT<LongMatrix> others((1 + kLeastKnown) * reduced - own);
-    found += (pull.transpose() * others.solve(pull)).trace();
-    expected += others.solve(own - own * inverse * own).trace();
-  }
-  // Corners without any error, or placings of which each decides by itself.
-  if (found == 0 || expected < 1) return 1;
-  const auto factor = static_cast<double>(found / (chi_squared * expected));
-  if (!std::isfinite(factor)) return Undetermined();
-  return factor > kExcess ? factor : 1;
+  LongMatrix root = solver.transpositionsP() * LongMatrix(scale.asDiagonal());
+  solver.matrixL().solveInPlace(root);
+  return LongMatrix(solver.vectorD().cwiseSqrt().cwiseInverse().asDiagonal() * root);
 }
 
 // The derivatives of the corners by the shifts of the cameras' CommonField.
@@ -124,41 +97,61 @@ std::vector<std::vector<int>> RowsOfPlacings(const LensProblem& problem) {
   return rows;
 }
 
-// `inverse`: of the normal equations without the boards.
-std::optional<FoundField> FieldOf(const LensProblem& problem, const NormalEquations& n,
-                                  const LongMatrix& inverse, double variance) {
-  const Eigen::Index shared = inverse.rows();
+// `root`: of the inverse of the normal equations without the boards, as RootOfInverse has it.
+SolvedResiduals SolvedBy(const LensProblem& problem, const NormalEquations& n,
+                         const LongMatrix& root) {
+  const Eigen::Index shared = root.rows();
   // What X has in the rows of a placing; with it the boards' poses are eliminated.
-  const auto of_board = [&](size_t i, const LongMatrix& x) -> LongMatrix {
+  const auto of_board = [&n, shared](size_t i, const LongMatrix& x) -> LongMatrix {
     return n.board[i].ldlt().solve(
         LongMatrix(x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i))));
   };
-  const auto times = [&](const Eigen::MatrixXd& given) -> Eigen::MatrixXd {
+  const auto times = [&n, &root, shared, of_board](const Eigen::MatrixXd& given) {
     LongMatrix x = given.cast<long double>();
     for (size_t i = 0; i < n.board.size(); ++i) x.topRows(shared) -= n.mixed[i] * of_board(i, x);
-    x.topRows(shared) = (inverse * x.topRows(shared)).eval();
+    x.topRows(shared) = (root.transpose() * (root * x.topRows(shared))).eval();
     for (size_t i = 0; i < n.board.size(); ++i) {
       auto rows = x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
       rows -= n.mixed[i].transpose() * x.topRows(shared);
       rows = of_board(i, x);
     }
-    return x.cast<double>();
+    return Eigen::MatrixXd(x.cast<double>());
   };
-  const Eigen::MatrixXd covariance = inverse.cast<double>();
-  const auto trace = [&](size_t i, const Eigen::MatrixXd& x) {
-    const Eigen::MatrixXd own = x.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i));
-    const LongMatrix board = n.board[i].ldlt().solve(LongMatrix(own.cast<long double>()));
-    const Eigen::MatrixXd rest = x.topRows(shared) - LongMatrix(n.mixed[i] * board).cast<double>();
-    return rest.cwiseProduct(covariance * rest).sum() +
-           own.cwiseProduct(board.cast<double>()).sum();
+  const auto root_times = [&n, &root, shared](size_t i, const Eigen::MatrixXd& given) {
+    const Eigen::LLT<LongMatrix6> board(n.board[i]);
+    const LongMatrix own =
+        given.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i)).cast<long double>();
+    LongMatrix x(shared + 6, given.cols());
+    x.topRows(shared) =
+        root * (given.topRows(shared).cast<long double>() - n.mixed[i] * board.solve(own));
+    x.bottomRows(6) = board.matrixL().solve(own);
+    return Eigen::MatrixXd(x.cast<double>());
   };
-  return FindCommonField({.by_state = n.jacobian,
-                          .by_field = ByField(problem),
-                          .residuals = n.residuals,
-                          .variance = variance,
-                          .clusters = RowsOfPlacings(problem),
-                          .covariance_times = times,
-                          .trace = trace});
+  return {.by_state = n.jacobian,
+          .by_field = ByField(problem),
+          .residuals = n.residuals,
+          .clusters = RowsOfPlacings(problem),
+          .covariance_times = times,
+          .root_times = root_times};
+}
+
+// Adds what the fields of the placings' images do to the state. `root`: as SolvedBy has it.
+void AddOwnFields(const OwnFields& fields, const NormalEquations& n, const LongMatrix& root,
+                  const LongMatrix& motion_by_shared, const std::vector<Matrix6>& motion,
+                  LensCovariance& result) {
+  const Eigen::Index shared = root.rows();
+  for (size_t i = 0; i < n.board.size(); ++i) {
+    const LongMatrix pull = Eigen::MatrixXd(fields.pulls[i]).cast<long double>();
+    const LongMatrix by_board = n.board[i].ldlt().solve(
+        LongMatrix(pull.middleRows<6>(shared + static_cast<Eigen::Index>(6 * i))));
+    LongMatrix moved(shared + 6, pull.cols());
+    moved.topRows(shared) =
+        root.transpose() * (root * (pull.topRows(shared) - n.mixed[i] * by_board));
+    moved.bottomRows(6) =
+        motion_by_shared * moved.topRows(shared) + motion[i].cast<long double>() * by_board;
+    const Eigen::MatrixXd by_shifts = fields.sigma * moved.cast<double>();
+    result.covariance += by_shifts * by_shifts.transpose();
+  }
 }
 
 // Adds what the field does to the state, and the field.
@@ -200,7 +193,8 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
     motion_by_shared -= by_board * by_shared;
     motion_alone += by_board * board.solve(by_board.transpose());
   }
-  ASSIGN_OR_RETURN(const LongMatrix inverse, Inverse(reduced));
+  ASSIGN_OR_RETURN(const LongMatrix root, RootOfInverse(reduced));
+  const LongMatrix inverse = root.transpose() * root;
   const LongMatrix mixed = inverse * motion_by_shared.transpose();
   LensCovariance result;
   result.covariance.resize(shared + 6, shared + 6);
@@ -212,12 +206,13 @@ absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const Fr
   const int freedom = n.measurements - n.states;
   if (freedom <= 0) return undetermined;
   result.chi_squared = n.squares / freedom;
-  ASSIGN_OR_RETURN(result.common_errors, CommonErrors(n, reduced, inverse, result.chi_squared));
-  const double variance = result.chi_squared * result.common_errors;
-  result.covariance *= variance;
+  const SolvedResiduals solved = SolvedBy(problem, n, root);
+  const OwnFields own = FindOwnFields(solved, freedom);
+  result.covariance *= own.noise;
+  AddOwnFields(own, n, root, motion_by_shared, motion, result);
   result.places = n.places;
   result.image_sizes = problem.image_sizes;
-  if (const auto field = FieldOf(problem, n, inverse, variance)) AddField(*field, motion, result);
+  if (const auto field = FindCommonField(solved, own)) AddField(*field, motion, result);
   if (!result.covariance.allFinite()) return undetermined;
   return result;
 }

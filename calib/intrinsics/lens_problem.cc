@@ -252,12 +252,9 @@ void AddRow(const Jacobian& jacobian, size_t row, int first_board, NormalEquatio
   if (board < 0) return;
   const auto placing = static_cast<size_t>(board);
   for (const auto& [i, a] : of_shared) {
-    for (const auto& [j, b] : of_shared) n.own[placing](i, j) += a * b;
     n.mixed[placing].row(i) += a * of_board.transpose();
-    n.pull[placing](i) += a * jacobian.x[row];
   }
   n.board[placing] += of_board * of_board.transpose();
-  n.board_pull[placing] += of_board * jacobian.x[row];
 }
 
 }  // namespace
@@ -330,9 +327,6 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
   n.shared = LongMatrix::Zero(shared, shared);
   n.board.assign(a.boards.size(), LongMatrix6::Zero());
   n.mixed.assign(a.boards.size(), LongMatrix::Zero(shared, 6));
-  n.own.assign(a.boards.size(), LongMatrix::Zero(shared, shared));
-  n.pull.assign(a.boards.size(), LongMatrix::Zero(shared, 1));
-  n.board_pull.assign(a.boards.size(), Eigen::Matrix<long double, 6, 1>::Zero());
 
   const auto corner_values = 2 * problem.corners.size();
   n.residuals = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(corner_values));

@@ -114,10 +114,6 @@ struct NormalEquations {
   LongMatrix shared;               // shared x shared
   std::vector<LongMatrix6> board;  // of each placing
   std::vector<LongMatrix> mixed;   // shared x 6, of each placing
-  // What of `shared` is of each placing, and its weighted residuals times their derivatives.
-  std::vector<LongMatrix> own;
-  std::vector<LongMatrix> pull;  // shared x 1
-  std::vector<Eigen::Matrix<long double, 6, 1>> board_pull;
   StatePlaces places;
   int measurements = 0;  // residuals that count, two of a corner
   int states = 0;
@@ -140,15 +136,13 @@ absl::StatusOr<NormalEquations> NormalEquationsOf(const LensProblem& problem,
 struct LensCovariance {
   Eigen::MatrixXd covariance;
   StatePlaces places;
-  double chi_squared = 0;  // of the solve, per degree of freedom
-  // By how much the covariance is larger than errors would make it that are independent from corner
-  // to corner: a placing's corners have errors in common by blur, time, print and lens. 1: not.
-  double common_errors = 1;
+  double chi_squared = 0;                       // of the solve, per degree of freedom
   std::vector<std::array<int, 2>> image_sizes;  // of the cameras
 };
 
 // For the optimum that `problem` holds, whose weights are 1 / standard deviation up to a common
-// factor: that is found from the residuals. FailedPrecondition: the state is not determined.
+// factor: that is found from the residuals, as is what corners of one image have in common
+// (OwnFields). FailedPrecondition: the state is not determined.
 absl::StatusOr<LensCovariance> CovarianceOf(const LensProblem& problem, const FreeParts& free);
 
 // How the projection of a point in the reference moves with the state that `covariance` is of.

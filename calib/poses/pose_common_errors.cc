@@ -62,6 +62,13 @@ struct Normals {
   std::vector<std::vector<int>> clusters;
 };
 
+// Y with Y'Y = X'C X, for C the inverse of the normal equations.
+Eigen::MatrixXd RootTimes(const Normals& normals, const Eigen::MatrixXd& x) {
+  Eigen::MatrixXd root = normals.solver.permutationP() * x;
+  normals.solver.matrixL().solveInPlace(root);
+  return normals.solver.vectorD().cwiseSqrt().cwiseInverse().asDiagonal() * root;
+}
+
 // How many times larger the variance of the cameras' poses is than by independent errors; nothing
 // if that cannot be found.
 std::optional<double> CommonErrors(const Bundle& bundle, const Normals& normals) {
@@ -138,14 +145,15 @@ std::optional<Eigen::MatrixXd> MotionByField(const Bundle& bundle, const Normals
   const auto times = [&](const Eigen::MatrixXd& x) -> Eigen::MatrixXd {
     return normals.solver.solve(x);
   };
+  const auto root_times = [&](size_t, const Eigen::MatrixXd& x) { return RootTimes(normals, x); };
   const auto found = FindCommonField(
       {.by_state = normals.jacobian,
        .by_field = ByField(bundle, normals.jacobian.rows()),
        .residuals = Eigen::Map<const Eigen::VectorXd>(residuals.data(), std::ssize(residuals)),
-       .variance = common_errors,
        .clusters = normals.clusters,
        .covariance_times = times,
-       .trace = [&](size_t, const Eigen::MatrixXd& x) { return x.cwiseProduct(times(x)).sum(); }});
+       .root_times = root_times},
+      {.noise = common_errors, .pulls{}});
   if (!found) return std::nullopt;
   return found->sigma * normals.scale.asDiagonal() * found->motion;
 }

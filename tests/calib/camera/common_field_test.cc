@@ -3,8 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <optional>
+#include <cmath>
 #include <random>
 #include <vector>
 
@@ -13,32 +14,38 @@ namespace {
 
 constexpr double kNoise = 0.1;  // pixels
 
-// 60 images of 40 points in a camera whose state is a shift of all pixels. `field`: of the
-// knots' shifts; `own`: of a shift that each image has by itself; standard deviations, pixels.
-std::optional<FoundField> FieldOf(unsigned seed, double field, double own) {
-  constexpr int kImages = 60;
-  constexpr int kPoints = 40;
-  constexpr int kRows = 2 * kImages * kPoints;
+constexpr int kImages = 60;
+constexpr int kPoints = 40;
+constexpr int kRows = 2 * kImages * kPoints;
+
+// 60 images of 40 points in a camera whose state is a shift of all pixels. Standard deviations of
+// the knots' shifts, pixels: `field`, that all images share; `own`, that each has by itself.
+SolvedResiduals SolvedWith(unsigned seed, double field, double own) {
   std::mt19937 random(seed);
   std::normal_distribution<double> normal(0, 1);
   std::uniform_real_distribution<double> uniform(0, 1);
-  Eigen::VectorXd shifts(2 * kFieldKnots);
-  for (double& shift : shifts) shift = field * normal(random);
+  const auto draw = [&](double sigma) {
+    Eigen::VectorXd shifts(2 * kFieldKnots);
+    for (double& shift : shifts) shift = sigma * normal(random);
+    return shifts;
+  };
+  const Eigen::VectorXd of_all = draw(field);
   std::vector<Eigen::Triplet<double>> by_state;
   std::vector<Eigen::Triplet<double>> by_field;
   SolvedResiduals solved;
   solved.residuals.resize(kRows);
   for (int row = 0; row < kRows;) {
     solved.clusters.emplace_back();
-    const Eigen::Vector2d of_image(own * normal(random), own * normal(random));
+    const Eigen::VectorXd shifts = of_all + draw(own);
     for (int point = 0; point < kPoints; ++point) {
       const auto knots = KnotsAt({640 * uniform(random), 480 * uniform(random)}, 640, 480);
       for (int axis = 0; axis < 2; ++axis, ++row) {
         solved.clusters.back().push_back(row);
-        solved.residuals[row] = kNoise * normal(random) + of_image[axis];
+        solved.residuals[row] = kNoise * normal(random);
         by_state.emplace_back(row, axis, 1);
         for (const KnotShare& knot : knots) {
           by_field.emplace_back(row, 2 * knot.knot + axis, knot.share);
+          solved.residuals[row] += knot.share * shifts[2 * knot.knot + axis];
         }
       }
     }
@@ -47,20 +54,20 @@ std::optional<FoundField> FieldOf(unsigned seed, double field, double own) {
   solved.by_state.setFromTriplets(by_state.begin(), by_state.end());
   solved.by_field.resize(kRows, 2 * kFieldKnots);
   solved.by_field.setFromTriplets(by_field.begin(), by_field.end());
-  solved.residuals += solved.by_field * shifts;
   const Eigen::Matrix2d covariance =
       Eigen::MatrixXd(solved.by_state.transpose() * solved.by_state).inverse();
   const Eigen::Vector2d state = covariance * (solved.by_state.transpose() * solved.residuals);
   solved.residuals -= solved.by_state * state;
-  solved.variance = kNoise * kNoise + own * own;
   solved.covariance_times = [=](const Eigen::MatrixXd& x) -> Eigen::MatrixXd {
     return covariance * x;
   };
-  solved.trace = [=](size_t, const Eigen::MatrixXd& x) {
-    return x.cwiseProduct(covariance * x).sum();
+  solved.root_times = [=](size_t, const Eigen::MatrixXd& x) -> Eigen::MatrixXd {
+    return covariance.llt().matrixU() * x;
   };
-  return FindCommonField(solved);
+  return solved;
 }
+
+OwnFields OwnFieldsOf(const SolvedResiduals& solved) { return FindOwnFields(solved, kRows - 2); }
 
 TEST(CommonField, AWholePixelIsSharedByItsKnots) {
   for (const Eigen::Vector2d& pixel :
@@ -75,9 +82,32 @@ TEST(CommonField, AWholePixelIsSharedByItsKnots) {
   }
 }
 
+TEST(OwnFields, NoiseAndTheErrorsOfEachImageAreToldApart) {
+  const OwnFields own = OwnFieldsOf(SolvedWith(1, 0, 0.1));
+  EXPECT_NEAR(std::sqrt(own.noise), kNoise, 0.003);
+  EXPECT_NEAR(own.sigma, 0.1, 0.005);
+}
+
+TEST(OwnFields, NoiseAloneHasHardlyAny) {
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const OwnFields own = OwnFieldsOf(SolvedWith(seed, 0, 0));
+    EXPECT_NEAR(std::sqrt(own.noise), kNoise, 0.003) << seed;
+    EXPECT_LT(own.sigma, 0.03) << seed;
+  }
+}
+
+TEST(OwnFields, WithoutAnyErrorThereAreNone) {
+  SolvedResiduals solved = SolvedWith(1, 0, 0);
+  solved.residuals.setZero();
+  const OwnFields own = OwnFieldsOf(solved);
+  EXPECT_EQ(own.noise, 0);
+  EXPECT_EQ(own.sigma, 0);
+}
+
 TEST(CommonField, ItsSizeIsFoundBesideErrorsThatEachImageHasByItself) {
   for (const double own : {0.0, 0.1}) {
-    const auto found = FieldOf(1, 0.08, own);
+    const SolvedResiduals solved = SolvedWith(1, 0.08, own);
+    const auto found = FindCommonField(solved, OwnFieldsOf(solved));
     ASSERT_TRUE(found.has_value()) << own;
     EXPECT_NEAR(found->sigma, 0.08, 0.025) << own;
   }
@@ -85,8 +115,10 @@ TEST(CommonField, ItsSizeIsFoundBesideErrorsThatEachImageHasByItself) {
 
 TEST(CommonField, ErrorsThatEachImageHasByItselfAreNone) {
   for (unsigned seed = 1; seed <= 5; ++seed) {
-    EXPECT_FALSE(FieldOf(seed, 0, 0).has_value()) << seed;
-    EXPECT_FALSE(FieldOf(seed, 0, 0.2).has_value()) << seed;
+    for (const double own : {0.0, 0.2}) {
+      const SolvedResiduals solved = SolvedWith(seed, 0, own);
+      EXPECT_FALSE(FindCommonField(solved, OwnFieldsOf(solved)).has_value()) << seed;
+    }
   }
 }
 
