@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
 #include <cmath>
@@ -69,53 +70,93 @@ Eigen::MatrixXd RootTimes(const Normals& normals, const Eigen::MatrixXd& x) {
   return normals.solver.vectorD().cwiseSqrt().cwiseInverse().asDiagonal() * root;
 }
 
+// The derivatives of a cluster's residuals by the few states that they depend on.
+struct ClusterRows {
+  std::vector<int> states;
+  Eigen::MatrixXd by_state;
+  Eigen::VectorXd residuals;
+};
+
+ClusterRows RowsOf(const std::vector<int>& rows, const Normals& normals) {
+  std::map<int, Eigen::Index> places;
+  for (const int row : rows) {
+    for (RowMajor::InnerIterator entry(normals.jacobian, row); entry; ++entry) {
+      places.emplace(static_cast<int>(entry.col()), std::ssize(places));
+    }
+  }
+  ClusterRows result;
+  result.states.resize(places.size());
+  for (const auto& [state, place] : places) result.states[static_cast<size_t>(place)] = state;
+  result.by_state = Eigen::MatrixXd::Zero(std::ssize(rows), std::ssize(places));
+  result.residuals.resize(std::ssize(rows));
+  for (Eigen::Index i = 0; i < result.residuals.size(); ++i) {
+    const int row = rows[static_cast<size_t>(i)];
+    for (RowMajor::InnerIterator entry(normals.jacobian, row); entry; ++entry) {
+      result.by_state(i, places.at(static_cast<int>(entry.col()))) = entry.value();
+    }
+    result.residuals[i] = normals.derivatives.residuals[static_cast<size_t>(row)];
+  }
+  return result;
+}
+
 // How many times larger the variance of the cameras' poses is than by independent errors; nothing
-// if that cannot be found.
+// if that cannot be found. Bias-reduced cluster-robust variance: the more the solution follows a
+// cluster, the less its residuals show of its errors (Bell and McCaffrey, Survey Methodology 28,
+// 2002); what it follows wholly counts for nothing (Pustejovsky and Tipton, Journal of Business and
+// Economic Statistics 36, 2018).
 std::optional<double> CommonErrors(const Bundle& bundle, const Normals& normals) {
   // Of the state on each camera's pose, that in directions of variance 1. Not of all cameras
   // together: how they stand to each other is known far better than where they stand.
+  const Eigen::Index states = normals.jacobian.cols();
   std::vector<Eigen::MatrixXd> of_cameras;
-  const RowMajor& jacobian = normals.jacobian;
   for (const BundleBlock& block : normals.derivatives.blocks) {
     const bool camera = std::ranges::any_of(
         bundle.cameras, [&](const BundlePose& pose) { return &pose == block.pose; });
     if (!camera) continue;
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.cols(), 6);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(states, 6);
     unit.middleRows<6>(block.column).setIdentity();
     const Eigen::MatrixXd solved = normals.solver.solve(unit);
     const Eigen::LLT<Eigen::MatrixXd> covariance(solved.middleRows<6>(block.column));
     if (covariance.info() != Eigen::Success) return std::nullopt;
-    of_cameras.emplace_back(covariance.matrixL().solve(solved.transpose()).transpose());
+    of_cameras.emplace_back(covariance.matrixL().solve(solved.transpose()));
   }
   if (of_cameras.empty()) return std::nullopt;
-  Eigen::MatrixXd influence(jacobian.cols(), 6 * std::ssize(of_cameras));
+  Eigen::MatrixXd influence(6 * std::ssize(of_cameras), states);
   for (size_t i = 0; i < of_cameras.size(); ++i) {
-    influence.middleCols<6>(static_cast<Eigen::Index>(6 * i)) = of_cameras[i];
+    influence.middleRows<6>(static_cast<Eigen::Index>(6 * i)) = of_cameras[i];
   }
 
-  constexpr double kRedundancy = 1e-6;  // with less each cluster decides by itself
+  constexpr double kRedundancy = 1e-6;  // with less a cluster decides by itself
   double found = 0;
-  double followed = 0;
   double expected = 0;
   for (const std::vector<int>& rows : normals.clusters) {
-    Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(jacobian.cols(), influence.cols());
-    Eigen::VectorXd pull = Eigen::VectorXd::Zero(influence.cols());
-    for (const int row : rows) {
-      const Eigen::RowVectorXd by_row = jacobian.row(row) * influence;
-      pull += by_row.transpose() * normals.derivatives.residuals[static_cast<size_t>(row)];
-      expected += by_row.squaredNorm();
-      for (RowMajor::InnerIterator entry(jacobian, row); entry; ++entry) {
-        squares.row(entry.col()) += entry.value() * by_row;
-      }
+    const ClusterRows cluster = RowsOf(rows, normals);
+    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(states, std::ssize(cluster.states));
+    unit(cluster.states, Eigen::all).setIdentity();
+    const Eigen::MatrixXd solved = normals.solver.solve(unit);
+    const Eigen::LLT<Eigen::MatrixXd> covariance(solved(cluster.states, Eigen::all));
+    if (covariance.info() != Eigen::Success) return std::nullopt;
+    // The eigenvectors of H = A A', by which the solution follows the cluster's residuals: each by
+    // a share of 0 to 1, the square of the vector's length.
+    const Eigen::MatrixXd a = cluster.by_state * covariance.matrixL();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> follows(a.transpose() * a);
+    const Eigen::MatrixXd directions = a * follows.eigenvectors();
+    const Eigen::MatrixXd moved =
+        influence(Eigen::all, cluster.states) * cluster.by_state.transpose() * directions;
+    const Eigen::VectorXd along = directions.transpose() * cluster.residuals;
+    Eigen::VectorXd pull = Eigen::VectorXd::Zero(influence.rows());
+    for (Eigen::Index i = 0; i < along.size(); ++i) {
+      const double share = follows.eigenvalues()[i];
+      if (share < kRedundancy || 1 - share < kRedundancy) continue;
+      pull += moved.col(i) * along[i] / (share * std::sqrt(1 - share));
+      expected += moved.col(i).squaredNorm() / share;
     }
     found += pull.squaredNorm();
-    // The solution has followed each cluster by its share.
-    followed += squares.cwiseProduct(normals.solver.solve(squares)).sum();
   }
-  if (expected - followed < kRedundancy * expected) return 1;
-  const double factor = found / (expected - followed);
-  if (!std::isfinite(factor)) return std::nullopt;
-  return factor;
+  if (!(expected > kRedundancy)) return 1;
+  const double ratio = found / expected;
+  if (!std::isfinite(ratio)) return std::nullopt;
+  return ratio;
 }
 
 // The derivatives of the rows' residuals by the shifts of the cameras' CommonField.

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -102,6 +103,26 @@ TEST(PoseAccuracy, ThirtyPosesOfATagOnTheFlange) {
   EXPECT_GT(Mean(modelled.chi2) / 6, 0.8);
   EXPECT_LT(Mean(modelled.chi2) / 6, 1.25);
   EXPECT_GT(Median(exact.workspace), 1.1 * Median(modelled.workspace));
+}
+
+// As by blur: the corners of an image are shifted together.
+TEST(PoseAccuracy, ErrorsThatCornersOfAnImageShareMakePosesAsUncertainAsTheyAre) {
+  const Errors errors = ErrorsOf(20, [](unsigned seed) {
+    PoseRig rig(seed);
+    rig.AddFlangeBoard();
+    rig.Drive(30);
+    std::map<std::pair<std::string, std::string>, Eigen::Vector2d> blurs;
+    for (TagSighting& seen : rig.problem.sightings) {
+      const auto [blur, first] = blurs.try_emplace({seen.frame, seen.view});
+      if (first) blur->second = {rig.Normal(0.2), rig.Normal(0.2)};
+      for (Eigen::Vector2d& corner : seen.corners) corner += blur->second;
+    }
+    return rig;
+  });
+  Print("30 poses, blurred images", errors);
+  EXPECT_LT(Mean(errors.chi2) / 6, 1.4);
+  if (SampleCount(20) < 20) return;  // by chance the errors of one rig can be smaller
+  EXPECT_GT(Mean(errors.chi2) / 6, 0.7);
 }
 
 // A view saw its board only in two of three frames above: here in each of thirty.
