@@ -21,6 +21,7 @@
 #include "common/picture/files.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
+#include "tools/program/program.h"
 
 namespace silhouette {
 namespace {

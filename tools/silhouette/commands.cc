@@ -2,6 +2,7 @@
 #include "tools/silhouette/commands.h"
 
 #include "db/status/status_macros.h"
+#include "silhouette/v1/database_service.pb.h"
 #include "tools/silhouette/formats/inputs.h"
 
 namespace silhouette {

@@ -95,6 +95,8 @@ TEST_F(LiveLoopTest, ScenesHaveTheVariantThatShowsTheRobotOrNone) {
     for (uint64_t id = changing->id; id < good->id; ++id) {
       const SharedScene between = scenes.Find(id);
       if (between == nullptr) continue;
+      // On a busy machine scenes may be good before the one that this test waits for.
+      if (between->oldest.time >= told + kClockTolerance) continue;
       EXPECT_EQ(between->Blocked(), Reason::kVariantUnknown) << id;
     }
   }
