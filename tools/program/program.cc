@@ -63,7 +63,7 @@ std::string MistypedSubcommand(const CLI::App& program) {
          (nearest.empty() ? "known are " + ListOfWords(known) : "did you mean '" + nearest + "'?");
 }
 
-// What the library would take as a number, and nobody means: 0x10, 010 as 8, nan.
+// A mistake in the text of a number: the library takes 0x10, 010 (as 8) and nan.
 std::string NumberMistake(std::string& text, const std::string& type) {
   if (type.starts_with("FLOAT")) {
     double number = 0;

@@ -2,12 +2,10 @@
 // The folder that `export` writes and `import` reads:
 //
 //   configurations.csv   one row per record; comma separated, quoted as RFC 4180 says, a header
-//     <joint>            per joint of the grid, by its name: value in radians or metres; import
-//     takes
-//                        units, as in 30deg
-//     <view>             per view, by its name: path of a PNG mask, relative to the CSV; empty in
-//     all
-//                        views: the configuration is excluded
+//     <joint>            per joint of the grid, by its name: radians or metres, or with a unit, as
+//                        in 30deg
+//     <view>             per view, by its name: path of a PNG mask, relative to the CSV; empty for
+//                        all views: the configuration is excluded
 //     captured           optional: UTC time as RFC 3339 writes it; empty: not known
 //     commanded:<joint>  optional, for all joints of the cell or for none, fixed ones too; empty in
 //     measured:<joint>   all of them: not known

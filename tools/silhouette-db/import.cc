@@ -227,8 +227,7 @@ void AddImport(CLI::App& app, Work& work) {
   command.add_flag("--replace", options.replace,
                    "Replace existing records instead of comparing them");
   command.footer(
-      "configurations.csv has one column per joint of the grid, by its name (radians, or 30deg, "
-      "or\n"
+      "configurations.csv has a column per joint of the grid, by its name (radians, or 30deg, or\n"
       "0.2m), and one per view with the path of a PNG mask, relative to the CSV: the robot white,\n"
       "all else black.\n"
       "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");

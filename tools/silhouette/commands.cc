@@ -136,7 +136,7 @@ void AddSeparationOptions(CLI::App& command, PathArguments& arguments) {
       .add_option(
           "--horizon", arguments.horizon,
           "With --separation: only the beginning of the path, until some point of the robot "
-          "has moved so many metres, and then until it stands")
+          "has moved this far, in metres, and then until it stands")
       ->needs(separation)
       ->check(NumberFromZero());
 }

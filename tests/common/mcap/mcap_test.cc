@@ -200,7 +200,7 @@ TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
 
 TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
   std::ofstream(folder_ / "a-note.txt") << "of somebody else";
-  std::ofstream(folder_ / "r-0-incident.mcap") << "under a name of somebody else";
+  std::ofstream(folder_ / "r-0-incident.mcap") << "not of this rotation";
   McapRotation files({folder_, "r", 3000, 3}, kChannels,
                      [] { return std::vector{At(-100, "opening", 1)}; });
   for (int i = 0; i < 40; ++i) {
