@@ -16,17 +16,20 @@ int MinViews(const Policy& policy, int views) {
     }
     return *policy.min_views;
   }
-  if (policy.max_occluded_views < 0) {
+  const int max_occluded_views = policy.max_occluded_views.value_or(1);
+  if (max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
   }
   if (policy.preset != Preset::kUncalibrated) return views;
-  return std::max(1, views - std::min(policy.max_occluded_views, views));
+  return std::max(1, views - std::min(max_occluded_views, views));
 }
 
 int MaxOccludedViews(const Policy& policy, int views) {
   MinViews(policy, views);
   const int by_min_views = policy.min_views ? views - *policy.min_views : 0;
-  return std::min(std::max(policy.max_occluded_views, by_min_views), views - 1);
+  constexpr int kEnough = 3;  // views that see it
+  const int occluded = policy.max_occluded_views.value_or(std::max(1, views - kEnough));
+  return std::min(std::max(occluded, by_min_views), views - 1);
 }
 
 bool IsCalibrated(Preset preset) {

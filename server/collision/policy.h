@@ -38,9 +38,9 @@ struct Policy {
   Preset preset = Preset::kUncalibrated;
   // Occupied if at least this many views show an obstacle; set, it overrides the preset.
   std::optional<int> min_views = std::nullopt;
-  // kUncalibrated: min_views is max(1, views - max_occluded_views). Sound presets: what all but so
-  // many views see is never opened away (possible_space.h).
-  int max_occluded_views = 1;
+  // In how many views the robot may occlude an obstacle. kUncalibrated: min_views is max(1, views -
+  // max_occluded_views), 1 where it is not set. Sound presets: MaxOccludedViews().
+  std::optional<int> max_occluded_views = std::nullopt;
   OffGrid off_grid = OffGrid::kCell;
 
   bool operator==(const Policy&) const = default;
@@ -51,8 +51,10 @@ struct Policy {
 // 1..views, max_occluded_views negative.
 int MinViews(const Policy& policy, int views);
 
-// Sound presets: what all but this many of the views see as an obstacle stays, however small it is.
-// At least what the other presets permit with the same numbers. Throws as MinViews does.
+// Sound presets and separation: what all but this many of the views see as an obstacle stays,
+// however small it is (possible_space.h). Where the policy does not set it: 1, and of more than
+// four views so many that three suffice, since of more cameras the robot occludes more. At least
+// what the other presets permit with the same numbers. Throws as MinViews does.
 int MaxOccludedViews(const Policy& policy, int views);
 
 // Whether a preset needs epipolar lines; whether it needs the space of possible obstacles.

@@ -24,7 +24,6 @@
 
 #include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
-#include "server/collision/policy.h"
 #include "server/collision/voxel_grid.h"
 #include "server/collision/voxel_space.h"
 
@@ -68,8 +67,7 @@ class PossibleSpace {
   // touches are allowed. `max_occluded_views`: MaxOccludedViews of the policy. Throws
   // std::invalid_argument if something has not the right size, or it is negative.
   PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
-                std::span<const std::optional<Mask>> allowed = {},
-                int max_occluded_views = Policy{}.max_occluded_views);
+                std::span<const std::optional<Mask>> allowed = {}, int max_occluded_views = 1);
 
   const VoxelSpace& space() const { return space_; }
 

@@ -253,7 +253,7 @@ PolicySettings ReadPolicy(const YamlNode& node, int views) {
   const auto preset = map.Optional("preset");
   if (preset) policy.preset = ReadPreset(*preset);
   map.Read("min_views", policy.min_views, &YamlNode::As<int>);
-  policy.max_occluded_views = map.Get<int>("max_occluded_views", policy.max_occluded_views);
+  map.Read("max_occluded_views", policy.max_occluded_views, &YamlNode::As<int>);
   map.Read("off_grid", policy.off_grid, [](const YamlNode& off_grid) {
     return off_grid.AsWordOf({"cell", "nearest"}) == 0 ? OffGrid::kCell : OffGrid::kNearest;
   });

@@ -37,8 +37,19 @@ TEST(MinViews, PolicyThatCannotBeIsRefused) {
   EXPECT_THROW(MinViews({}, 0), std::invalid_argument);
 }
 
+TEST(MaxOccludedViews, OfManyViewsThreeThatSeeItAreEnough) {
+  for (int views = 4; views <= 16; ++views) {
+    EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, views), views - 3);
+  }
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 3), 1);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 2), 1);
+  EXPECT_EQ(MinViews({.preset = Preset::kUncalibrated}, 8), 7);
+}
+
 TEST(MaxOccludedViews, PermitsAtLeastWhatMinViewsDoes) {
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 4), 1);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 1}, 8), 1);
+  EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .min_views = 2}, 8), 6);
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 2}, 4), 2);
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .max_occluded_views = 0}, 4), 0);
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound, .min_views = 4}, 4), 1);
