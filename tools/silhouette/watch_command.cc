@@ -125,6 +125,23 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
   return kDone;
 }
 
+// Takes from an update what is valid no more, and returns whether there was such a thing.
+bool Expire(client::PathUpdate& update) {
+  constexpr client::Reason kExpired = client::Reason::kUpdateExpired;
+  client::PathCheck& check = update.check;
+  const bool level =
+      check.separation && check.separation->level > 0 && check.separation->LevelNow() == 0;
+  if (level) check.separation = client::Separation{.unknown_reason = kExpired};
+  const bool verdict = check.verdict.free() && !update.FreeNow();
+  if (verdict) {
+    check.verdict = {.reason = kExpired};
+    check.proof = client::PathProof::kNone;
+    check.configuration.clear();
+    check.narrowest.reset();
+  }
+  return level || verdict;
+}
+
 // One call, until it ends: why it ended, OK if nothing more is wanted.
 absl::Status WatchPathOnce(const Session& session, const Client& client,
                            const std::vector<Configuration>& waypoints,
@@ -132,30 +149,25 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
                            Lines& lines) {
   ASSIGN_OR_RETURN(auto watch,
                    client.WatchPath(waypoints, session.policy, session.clearance, separation));
-  std::optional<client::PathUpdate> relied_on;  // the last one, as long as it is free
+  std::optional<client::PathUpdate> latest;
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
     if (update.ok()) {
       const client::PathCheck& check = update->check;
       Json json = JsonOf(check, session.clearance);
       json["skipped_scenes"] = update->skipped_scenes;
+      json["valid_for_s"] = SecondsUntil(update->valid_until);
       lines.PrintUpdate(
           absl::StrCat(Spoken(check.basis), ": ", Spoken(check), Skipped(update->skipped_scenes)),
           json);
-      relied_on = check.verdict.free() ? std::optional(*update) : std::nullopt;
+      latest = *update;
     } else if (!absl::IsDeadlineExceeded(update.status())) {
       return update.status();
     }
-    if (relied_on && !relied_on->FreeNow()) {
-      client::PathCheck check = relied_on->check;
-      check.verdict = {.reason = client::Reason::kUpdateExpired};
-      check.narrowest.reset();
-      Json json = JsonOf(check.basis);
-      json.update(JsonOf(check.verdict, session.clearance));
-      lines.PrintNews(check.verdict.reason,
-                      absl::StrCat(Spoken(check.basis), ": ", Spoken(check.verdict, check.basis)),
-                      json);
-      relied_on.reset();
+    if (latest && Expire(*latest)) {
+      const client::PathCheck& check = latest->check;
+      lines.PrintNews(check.verdict.reason, absl::StrCat(Spoken(check.basis), ": ", Spoken(check)),
+                      JsonOf(check, session.clearance));
     }
   }
   return absl::OkStatus();

@@ -2,6 +2,7 @@
 #include "tools/silhouette/formats/output.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <optional>
@@ -268,7 +269,8 @@ Json JsonOf(const client::Separation& separation) {
           {"fraction", separation.fraction},
           {"leads_away", separation.leads_away},
           {"protective_distances_m", separation.protective_distances},
-          {"image_age_s", known ? Json(absl::ToDoubleSeconds(separation.image_age)) : Json()}};
+          {"image_age_s", known ? Json(absl::ToDoubleSeconds(separation.image_age)) : Json()},
+          {"valid_for_s", known ? Json(SecondsUntil(separation.valid_until)) : Json()}};
 }
 
 }  // namespace
@@ -277,6 +279,9 @@ std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
     return absl::StrCat(Spoken(check.verdict, check.basis), ": ", Counted(check.checked, "place"),
                         " checked", SpokenProof(check), SpokenSeparation(check));
+  }
+  if (check.configuration.empty()) {
+    return absl::StrCat(Spoken(check.verdict, check.basis), SpokenSeparation(check));
   }
   return absl::StrCat("not free at ",
                       SpokenPlace(check.configuration, check.fraction, check.segment), ": ",
@@ -327,7 +332,7 @@ Json JsonOf(const client::PathCheck& check, client::Clearance clearance) {
   json["checked"] = check.checked;
   if (check.verdict.free()) json["proof"] = NameOf(check.proof);
   if (check.proof == client::PathProof::kSampled) json["sampled_step_m"] = check.sampled_step;
-  if (!check.verdict.free()) {
+  if (!check.configuration.empty() && !check.verdict.free()) {
     json["segment"] = check.segment;
     json["fraction"] = check.fraction;
     json["configuration"] = check.configuration;
@@ -525,6 +530,11 @@ std::string Spoken(const Configuration& configuration) {
   return absl::StrJoin(configuration, ",", [](std::string* out, double value) {
     absl::StrAppendFormat(out, "%.6g", value);
   });
+}
+
+double SecondsUntil(std::chrono::steady_clock::time_point then) {
+  const std::chrono::duration<double> left = then - std::chrono::steady_clock::now();
+  return std::max(0.0, left.count());
 }
 
 }  // namespace silhouette

@@ -2,6 +2,7 @@
 // Answers in words and as JSON.
 #pragma once
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -72,5 +73,8 @@ std::string Spoken(const Configuration& configuration);
 // RFC 3339 in UTC: to the millisecond for people, and as it is for scripts and `replay --at`.
 std::string Spoken(absl::Time time);
 std::string Exact(absl::Time time);
+
+// 0 if it is over.
+double SecondsUntil(std::chrono::steady_clock::time_point then);
 
 }  // namespace silhouette
