@@ -16,6 +16,14 @@ double PositiveAngle(const YamlNode& node) {
   return angle;
 }
 
+// How far a joint may be from where the images show it. More is likely to be in degrees.
+double JointTolerance(const YamlNode& node) {
+  constexpr double kMost = 0.2;
+  const double tolerance = PositiveAngle(node);
+  if (tolerance > kMost) node.Fail("at most 0.2 rad is expected; write degrees as '1 deg'");
+  return tolerance;
+}
+
 // With less, a pass over the index of a large cell takes longer than a shift.
 constexpr uint64_t kLeastIndexCheckRate = 1'000'000;
 
@@ -179,7 +187,7 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   if (capture.commit_interval > absl::Seconds(2)) {
     map.Required("commit_interval").Fail("at most 2 s, so that little work is at risk");
   }
-  map.Read("joint_tolerance", capture.joint_tolerance, PositiveAngle);
+  map.Read("joint_tolerance", capture.joint_tolerance, JointTolerance);
   map.Read("joint_speed", capture.joint_speed, PositiveAngle);
   map.Read("arrival_timeout", capture.arrival_timeout, &YamlNode::AsPositiveTime);
   capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
@@ -376,7 +384,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
   if (const auto check = map.Optional("view_check")) {
     server.scene.view_check = ReadViewCheck(*check, server.scene.view_check);
   }
-  map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, PositiveAngle);
+  map.Read("fixed_joint_tolerance", server.scene.fixed_joint_tolerance, JointTolerance);
   map.Read("weak_rim", server.scene.weak_rim, [](const YamlNode& weak_rim) {
     return weak_rim.AsWordOf({"unknown", "obstacle"}) == 0 ? WeakRim::kUnknown : WeakRim::kObstacle;
   });
@@ -398,7 +406,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
     check.Read("max_age", server.calibration_check_max_age, &YamlNode::AsPositiveTime);
     check.Finish();
   }
-  map.Read("max_joint_movement", server.live.max_joint_movement, PositiveAngle);
+  map.Read("max_joint_movement", server.live.max_joint_movement, JointTolerance);
   if (const auto live = map.Optional("live")) server.live = ReadLive(*live, server.live);
   server.metrics = map.Get<std::string>("metrics", server.metrics);
   if (const auto tls = map.Optional("tls")) server.gate.tls = ReadTlsFiles(*tls, folder);

@@ -7,6 +7,7 @@
 #include <unistd.h>
 #include <algorithm>
 #include <exception>
+#include <fstream>
 #include <iostream>
 #include <vector>
 
@@ -27,6 +28,11 @@ constexpr absl::Duration kBetweenProgress = absl::Minutes(5);
 }  // namespace
 
 absl::StatusOr<SessionLog> SessionLog::Open(const std::string& file) {
+  std::ifstream before(file, std::ios::binary);
+  if (before.peek() == '\0') {  // as a database begins, to which nothing must be added
+    return absl::InvalidArgumentError(
+        absl::StrCat("the log '", file, "' is no text file; name another with --log"));
+  }
   SessionLog log;
   try {
     auto sink = std::make_shared<spdlog::sinks::basic_file_sink_st>(file, /*truncate=*/false);

@@ -34,7 +34,8 @@ absl::StatusOr<ConfigurationNumber> Choose(const ConfigurationGrid& grid,
     if (grid.Contains(*options.number)) return *options.number;
     return absl::InvalidArgumentError(
         absl::StrCat("the grid has no configuration ", *options.number, "; it has ", grid.size(),
-                     ", numbered below ", grid.number_limit(), " with gaps"));
+                     ", numbered below ", grid.number_limit(),
+                     grid.number_limit() > grid.size() ? " with gaps" : ""));
   }
   const Configuration at = ParseConfiguration(absl::StrJoin(options.at, ","));
   if (at.size() != grid.joints().size()) {

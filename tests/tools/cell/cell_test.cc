@@ -722,6 +722,11 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(MessageOf(Changed("{name: a, lower: 0, ", "{name: a, ")),
               HasSubstr("'lower' is missing"));
   EXPECT_THAT(MessageOf(Changed("{c: 0.5}", "{a: 0.5}")), HasSubstr("moves; it cannot be fixed"));
+  for (const char* degrees :
+       {"capture: {joint_tolerance: 1}\n", "server: {fixed_joint_tolerance: 1}\n",
+        "server: {max_joint_movement: 1}\n"}) {
+    EXPECT_THAT(MessageOf(std::string(kBareCell) + degrees), HasSubstr("write degrees as '1 deg'"));
+  }
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {joint_tolerance: 0.01}\n"),
               HasSubstr("capture: joint_tolerance, 0.01, is more than the server's "
                         "fixed_joint_tolerance, 0.005"));

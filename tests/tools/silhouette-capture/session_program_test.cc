@@ -30,6 +30,17 @@ const std::pair<std::string, std::string> kKeepImagesAndHalfCovered = {
     "commit_interval: 20 ms\n  raw_images: all\nsegmentation: {min_cover: 0.5, min_difference: "
     "20}"};
 
+TEST(CaptureSessions, LogNeverGoesIntoADatabase) {
+  ProgramCell cell;
+  cell.CaptureAll();
+  const std::string data = cell.database() + "/data.mdb";
+  const std::string before = ReadText(data);
+  const Outcome outcome = cell.Run(cell.Arguments("run", {"--log", data}));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("is no text file; name another with --log"));
+  EXPECT_EQ(ReadText(data), before);
+}
+
 TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
   ProgramCell cell;
   cell.CaptureAll();
