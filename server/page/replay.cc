@@ -126,7 +126,7 @@ absl::StatusOr<std::unique_ptr<Replay>> Replay::Open(const std::string& path,
   if (summary.empty()) return FailedPrecondition(path, ": nothing is recorded");
   v1::GetDatabaseResponse served;
   const Policy policy = DefaultPolicy(settings, *database);
-  ToMessage(*database, policy, &served);
+  ToMessage(*database, settings, &served);
   if (summary.cell != served.cell_name()) {
     return FailedPrecondition(path, ": the recording is of the cell '", summary.cell,
                               "', and the cell file is of '", served.cell_name(), "'");

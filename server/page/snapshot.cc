@@ -287,9 +287,8 @@ json RegionsJson(const Served& served, const Moment& now) {
 json UnitsJson(const Serving& serving, const ConfigurationGrid& grid) {
   json units = json::array();
   for (const GridJoint& joint : grid.joints()) {
-    const auto slides = serving.settings.joint_slides.find(joint.name);
-    const bool known = joint.continuous || slides != serving.settings.joint_slides.end();
-    units.push_back(!known ? "" : !joint.continuous && slides->second ? "m" : "rad");
+    const std::optional<bool> slides = Slides(serving.settings, joint);
+    units.push_back(!slides ? "" : *slides ? "m" : "rad");
   }
   return units;
 }
@@ -327,7 +326,7 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   if (!checker.ok()) return {{"error", std::string(checker.status().message())}};
   const Served& served = checker->served();
   v1::GetDatabaseResponse database;
-  ToMessage(*served.database, checker->policy(), &database);
+  ToMessage(*served.database, serving.settings, &database);
   shown["database"] = JsonOf(database);
   shown["units"] = UnitsJson(serving, served.database->grid());
   shown["max_age"] = absl::ToDoubleSeconds(serving.settings.scene.max_age);

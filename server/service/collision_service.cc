@@ -154,7 +154,7 @@ class Collisions final : public CollisionCalls {
       first.set_tiles_left_out(std::erase_if(tiles, [&](uint64_t tile) { return !ready(tile); }));
     }
     const Reason blocked = Conclude(serving_, served, policy, first.mutable_basis());
-    ToMessage(served.database->grid(), first.mutable_grid());
+    ToMessage(served.database->grid(), serving_.settings, first.mutable_grid());
     first.set_unknown_reason(ToMessage(blocked));
     first.set_cells_exact(cells && space != nullptr && space->cells_exact());
     if (blocked != Reason::kNone) tiles.clear();

@@ -79,7 +79,7 @@ void ToMessage(const Policy& policy, v1::Policy* message) {
                                                           : v1::OFF_GRID_NEAREST);
 }
 
-void ToMessage(const ConfigurationGrid& grid, v1::Grid* message) {
+void ToMessage(const ConfigurationGrid& grid, const ServingSettings& settings, v1::Grid* message) {
   for (const GridJoint& joint : grid.joints()) {
     v1::GridJoint& added = *message->add_joints();
     added.set_name(joint.name);
@@ -87,6 +87,8 @@ void ToMessage(const ConfigurationGrid& grid, v1::Grid* message) {
     added.set_upper(joint.upper);
     added.set_steps(joint.steps);
     added.set_continuous(joint.continuous);
+    const std::optional<bool> slides = Slides(settings, joint);
+    if (slides) added.set_slides(*slides);
   }
   for (int edge : grid.tile_edges()) message->add_tile_edges(edge);
 }
@@ -167,12 +169,12 @@ void ToMessage(const Scene& scene, bool include_planes, std::span<const SceneDef
   for (const SceneDefect& defect : defects) ToMessage(defect, message->add_defects());
 }
 
-void ToMessage(const ServedDatabase& database, const Policy& default_policy,
+void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
                v1::GetDatabaseResponse* message) {
   const RobotImageTable& images = database.robot_images();
   message->set_cell_name(database.cell().name());
   message->set_generation(database.generation());
-  ToMessage(database.grid(), message->mutable_grid());
+  ToMessage(database.grid(), settings, message->mutable_grid());
   for (const auto& joint : database.cell().fixed_joints()) {
     v1::JointPosition& added = *message->add_fixed_joints();
     added.set_name(joint.name());
@@ -206,7 +208,7 @@ void ToMessage(const ServedDatabase& database, const Policy& default_policy,
     variant.set_excluded(of_variant.Count(RobotImageState::kExcluded));
     variant.set_corrupt(of_variant.Count(RobotImageState::kCorrupt));
   }
-  ToMessage(default_policy, message->mutable_default_policy());
+  ToMessage(DefaultPolicy(settings, database), message->mutable_default_policy());
   message->set_calibrated(database.bands() != nullptr);
   for (const Preset preset : AllPresets()) {
     if (database.CanServe({.preset = preset}).ok()) message->add_presets(NameOf(preset));

@@ -17,6 +17,7 @@
 #include "server/scene/make_scene.h"
 #include "server/scene/scene.h"
 #include "server/scene/scene_store.h"
+#include "server/service/serving_settings.h"
 #include "silhouette/v1/collision_service.pb.h"
 #include "silhouette/v1/database_service.pb.h"
 #include "silhouette/v1/drawn_robot.pb.h"
@@ -54,7 +55,7 @@ void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
                const ServedDatabase& database, v1::Verdict* message);
 void ToMessage(const PathClearance& narrowest, v1::PathPlace* message);
 void ToMessage(const Policy& policy, v1::Policy* message);
-void ToMessage(const ConfigurationGrid& grid, v1::Grid* message);
+void ToMessage(const ConfigurationGrid& grid, const ServingSettings& settings, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);
 // The robot that the database draws, which it does (RobotImageTable::drawn).
 void ToMessage(const ServedDatabase& database, v1::DrawnRobot* message);
@@ -71,7 +72,7 @@ void ToMessage(const LiveStatus& status, v1::Acquisition* message);
 // `variants`: of the database.
 void ToMessage(const KnownVariant& known, const std::vector<std::string>& variants,
                v1::RobotVariant* message);
-void ToMessage(const ServedDatabase& database, const Policy& default_policy,
+void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
                v1::GetDatabaseResponse* message);
 
 }  // namespace silhouette

@@ -245,7 +245,7 @@ class Databases final : public DatabaseCalls {
         OnBytes<v1::GetDatabaseRequest, v1::GetDatabaseResponse>(
             in, out, [this](const v1::GetDatabaseRequest&, v1::GetDatabaseResponse* response) {
               const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
-              ToMessage(*database, DefaultPolicy(serving_.settings, *database), response);
+              ToMessage(*database, serving_.settings, response);
               if (const auto trust = serving_.scenes.trust()) {
                 Served served;
                 served.database = database;

@@ -63,6 +63,12 @@ bool DrawsMaps(const ServedDatabase& database) {
          database.node_index(DrawnKind::kReach) == nullptr;
 }
 
+std::optional<bool> Slides(const ServingSettings& settings, const GridJoint& joint) {
+  if (joint.continuous) return false;
+  const auto found = settings.joint_slides.find(joint.name);
+  return found != settings.joint_slides.end() ? std::optional(found->second) : std::nullopt;
+}
+
 Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database) {
   Policy policy = settings.policy;
   if (settings.choose_preset) policy.preset = database.BestPreset();

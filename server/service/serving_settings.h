@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/time/time.h"
@@ -46,7 +47,7 @@ struct ServingSettings {
   // refused.
   std::shared_ptr<LiveRecord> live;
   // By the name of each joint whose kind is known: whether it slides, so that its values are
-  // metres, else radians. For people alone.
+  // metres, else radians. Only clients and pages use it.
   std::map<std::string, bool> joint_slides;
   // host:port where metrics are served; empty: nowhere.
   std::string metrics;
@@ -61,6 +62,9 @@ struct ServingSettings {
 
 // Whether each map of the database is drawn, and not looked up in an index.
 bool DrawsMaps(const ServedDatabase& database);
+
+// Whether the values of the joint are metres, else radians; nothing if it is not known.
+std::optional<bool> Slides(const ServingSettings& settings, const GridJoint& joint);
 
 // The policy where a request names none, for requests that rest on `database`.
 Policy DefaultPolicy(const ServingSettings& settings, const ServedDatabase& database);

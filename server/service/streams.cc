@@ -216,7 +216,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   if (state == told_of_) return false;
   if (state.database != told_of_.database || cells != cells_) {
     first.set_whole(true);
-    ToMessage(served.database->grid(), first.mutable_grid());
+    ToMessage(served.database->grid(), serving().settings, first.mutable_grid());
     if (obstacles) ToMessage(*served.database, first.mutable_robot());
     sent_ = nullptr;
   }

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
@@ -25,37 +27,52 @@ bool IsDecimal(std::string_view text, double& value) {
          std::isfinite(value);
 }
 
-double ParseJointValue(std::string_view text, AngleUnit unit) {
-  absl::string_view number = View(text);
-  bool degrees = unit == AngleUnit::kDegrees;
-  if (absl::ConsumeSuffix(&number, "deg")) {
-    degrees = true;
-  } else if (absl::ConsumeSuffix(&number, "rad") || absl::ConsumeSuffix(&number, "m")) {
-    degrees = false;
-  }
+bool StatesUnit(std::string_view text) {
+  const absl::string_view value = absl::StripTrailingAsciiWhitespace(View(text));
+  return absl::EndsWith(value, "deg") || absl::EndsWith(value, "rad") || absl::EndsWith(value, "m");
+}
+
+double ParseJointValue(std::string_view text, AngleUnit unit, std::optional<bool> slides) {
+  absl::string_view number = absl::StripTrailingAsciiWhitespace(View(text));
+  const bool is_length = absl::ConsumeSuffix(&number, "m");
+  const bool in_degrees = !is_length && absl::ConsumeSuffix(&number, "deg");
+  const bool is_angle = in_degrees || (!is_length && absl::ConsumeSuffix(&number, "rad"));
   double value = 0;
   if (!IsDecimal({number.data(), number.size()}, value)) {
     throw std::invalid_argument(
         absl::StrCat("'", View(text), "' is no joint value; 0.5, -30deg and 0.2m are"));
   }
+  const bool slides_surely = slides.value_or(false);
+  if (is_angle && slides_surely) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is an angle, but the joint slides: write 0.2 or 0.2m"));
+  }
+  if (is_length && !slides.value_or(true)) {
+    throw std::invalid_argument(
+        absl::StrCat("'", View(text), "' is a length, but the joint turns: write 0.5 or 30deg"));
+  }
+  const bool bare = !is_length && !is_angle;
+  const bool degrees = in_degrees || (bare && unit == AngleUnit::kDegrees && !slides_surely);
   return degrees ? value * std::numbers::pi / 180 : value;
 }
 
-std::vector<double> ParseConfiguration(std::string_view text, AngleUnit unit) {
+std::vector<double> ParseConfiguration(std::string_view text) {
   std::vector<double> values;
   for (const absl::string_view part : absl::StrSplit(View(text), ',')) {
-    values.push_back(ParseJointValue({part.data(), part.size()}, unit));
+    values.push_back(ParseJointValue({part.data(), part.size()}));
   }
   return values;
 }
 
-std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit) {
+std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit,
+                                          std::optional<bool> slides) {
   const size_t equals = text.find('=');
   if (equals == std::string_view::npos || equals == 0) {
     throw std::invalid_argument(
         absl::StrCat("'", View(text), "' is not name=value, as in joint_1=0.5"));
   }
-  return {std::string(text.substr(0, equals)), ParseJointValue(text.substr(equals + 1), unit)};
+  return {std::string(text.substr(0, equals)),
+          ParseJointValue(text.substr(equals + 1), unit, slides)};
 }
 
 std::string DegreesHint(std::span<const double> radians, std::string_view or_else) {

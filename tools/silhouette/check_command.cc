@@ -38,33 +38,21 @@ struct CheckArguments {
   bool stream = false;
 };
 
-absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const Session& session,
-                                                            const CheckArguments& arguments) {
+absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments& arguments,
+                                                            TypedJoints& joints) {
   std::vector<Configuration> configurations;
   for (const std::string& text : arguments.configurations) {
-    configurations.push_back(ParseConfiguration(text, session.unit));
+    ASSIGN_OR_RETURN(Configuration configuration, joints.Parse(text));
+    configurations.push_back(std::move(configuration));
   }
   if (!arguments.file.empty()) {
-    ASSIGN_OR_RETURN(const auto read, ReadConfigurations(arguments.file, session.unit));
+    ASSIGN_OR_RETURN(const auto read, ReadConfigurations(arguments.file, joints));
     configurations.insert(configurations.end(), read.begin(), read.end());
   }
   if (configurations.empty()) {
     return absl::InvalidArgumentError("give a configuration, e.g. 0.1,-30deg, or --file FILE");
   }
   return configurations;
-}
-
-// A configuration of the command line in the units in which it was given.
-std::string AsTyped(const Session& session, const std::string& text) {
-  const bool degrees = session.unit == AngleUnit::kDegrees || absl::StrContains(text, "deg");
-  if (!degrees) return Spoken(ParseConfiguration(text, session.unit));
-  std::vector<std::string> values = absl::StrSplit(text, ',');
-  for (std::string& value : values) {
-    absl::StripAsciiWhitespace(&value);
-    const bool bare = !value.empty() && (absl::ascii_isdigit(value.back()) || value.back() == '.');
-    if (bare && session.unit == AngleUnit::kDegrees) value += "deg";
-  }
-  return absl::StrJoin(values, ",");
 }
 
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
@@ -93,15 +81,15 @@ double Quantile(const std::vector<double>& times, double share) {
 }
 
 // `typed`: the first of the configurations, as they stand on the command line.
-std::string CheckTextOf(const Session& session, const std::vector<std::string>& typed,
+std::string CheckTextOf(const Session& session, const TypedJoints& joints,
+                        const std::vector<std::string>& typed,
                         const std::vector<Configuration>& configurations,
                         const client::ConfigurationChecks& checks,
                         const std::vector<double>& times) {
   std::string text;
   for (size_t i = 0; i < configurations.size(); ++i) {
-    absl::StrAppend(&text,
-                    i < typed.size() ? AsTyped(session, typed[i]) : Spoken(configurations[i]), ": ",
-                    Spoken(checks.verdicts[i], checks.basis),
+    absl::StrAppend(&text, i < typed.size() ? joints.Spoken(typed[i]) : Spoken(configurations[i]),
+                    ": ", Spoken(checks.verdicts[i], checks.basis),
                     UnitHint(session, {configurations[i]}, {checks.verdicts[i]}), "\n");
   }
   absl::StrAppend(&text, Spoken(checks.basis), "\n");
@@ -218,29 +206,29 @@ void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& as
 
 // Asks about all lines. Returns the mistake in a line that ended it early; an error of the stream
 // is returned by its answers.
-absl::Status CheckLinesAsk(const Session& session, client::CheckStream& stream, Asked& asked,
-                           const std::atomic<bool>& answers_ended) {
+absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::CheckStream& stream,
+                           Asked& asked, const std::atomic<bool>& answers_ended) {
   InputLines input(answers_ended);
   uint64_t number = 0;
   while (const std::optional<std::string> line = input.Next()) {
     ++number;
-    try {
-      const std::optional<Configuration> q = ParseLine(*line, session.unit);
-      if (!q) continue;
-      asked.Add(number, *q);
-      absl::Status sent;
-      do {
-        sent = stream.Send(number, {*q}, session.policy, client::Evidence::kPerView,
-                           session.clearance);
-        // The answers are being printed.
-        if (absl::IsResourceExhausted(sent)) {
-          std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        }
-      } while (absl::IsResourceExhausted(sent));
-      if (!sent.ok()) break;
-    } catch (const std::invalid_argument& error) {
-      return absl::InvalidArgumentError(absl::StrCat("-:", number, ": ", error.what()));
+    const std::vector<std::string> values = ValuesOnLine(*line);
+    if (values.empty()) continue;
+    const absl::StatusOr<Configuration> q = joints.Parse(values);
+    if (!q.ok()) {
+      return absl::Status(q.status().code(),
+                          absl::StrCat("-:", number, ": ", q.status().message()));
     }
+    asked.Add(number, *q);
+    absl::Status sent;
+    do {
+      sent =
+          stream.Send(number, {*q}, session.policy, client::Evidence::kPerView, session.clearance);
+      // The answers are being printed.
+      if (absl::IsResourceExhausted(sent))
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    } while (absl::IsResourceExhausted(sent));
+    if (!sent.ok()) break;
   }
   return absl::OkStatus();
 }
@@ -251,6 +239,7 @@ absl::Status CheckLinesAsk(const Session& session, client::CheckStream& stream, 
 absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
+  TypedJoints joints(session.unit, [&] { return client.GetDatabase(); });
   client::CheckStream stream = client.StreamChecks();
   Asked asked;
   CheckLinesOutcome outcome;
@@ -258,7 +247,7 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
     PrintAnswers(session, stream, asked, outcome);
     outcome.ended = true;
   });
-  const absl::Status mistake = CheckLinesAsk(session, stream, asked, outcome.ended);
+  const absl::Status mistake = CheckLinesAsk(session, joints, stream, asked, outcome.ended);
   stream.EndQuestions();
   printer.join();
   RETURN_IF_ERROR(outcome.status);
@@ -268,8 +257,9 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
 
 absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arguments) {
   if (arguments.stream) return CheckLines(session);
-  ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(session, arguments));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
+  TypedJoints joints(session.unit, [&] { return client.GetDatabase(); });
+  ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(arguments, joints));
   const auto ask = [&] {
     return client.CheckConfigurations(configurations, session.policy, client::Evidence::kPerView,
                                       session.clearance);
@@ -277,8 +267,9 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   ASSIGN_OR_RETURN(const auto checks, ask());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
-  PrintResult(session.format, CheckJsonOf(configurations, checks, session.clearance, times),
-              CheckTextOf(session, arguments.configurations, configurations, checks, times));
+  PrintResult(
+      session.format, CheckJsonOf(configurations, checks, session.clearance, times),
+      CheckTextOf(session, joints, arguments.configurations, configurations, checks, times));
   return checks.AllFree() ? kDone : kNo;
 }
 
@@ -306,6 +297,7 @@ struct ExplainArguments {
 
 // What is asked about, when, and by which policy.
 absl::StatusOr<ExplanationNotes> NotesOf(const Session& session, const ExplainArguments& arguments,
+                                         const std::string& configuration, const std::string& hint,
                                          const client::Explanation& explanation,
                                          const v1::GetDatabaseResponse& database) {
   ExplanationNotes notes;
@@ -316,12 +308,8 @@ absl::StatusOr<ExplanationNotes> NotesOf(const Session& session, const ExplainAr
   const std::string preset =
       session.policy.preset.empty() ? database.default_policy().preset() : session.policy.preset;
   const client::Basis& basis = explanation.basis;
-  notes.lines = {
-      absl::StrCat("Configuration: ", AsTyped(session, arguments.configuration), " (", joints, ")"),
-      Spoken(explanation.verdict, basis) +
-          UnitHint(session, {ParseConfiguration(arguments.configuration, session.unit)},
-                   {explanation.verdict}),
-      Spoken(basis)};
+  notes.lines = {absl::StrCat("Configuration: ", configuration, " (", joints, ")"),
+                 Spoken(explanation.verdict, basis) + hint, Spoken(basis)};
   if (basis.scene_id != 0) notes.lines.push_back("Images taken: " + Spoken(basis.scene_time));
   notes.lines.push_back(absl::StrCat("Cell '", database.cell_name(), "', preset ", preset));
   for (const v1::View& view : database.views()) {
@@ -336,18 +324,19 @@ absl::StatusOr<ExplanationNotes> NotesOf(const Session& session, const ExplainAr
 }
 
 absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments& arguments) {
-  const Configuration configuration = ParseConfiguration(arguments.configuration, session.unit);
   ASSIGN_OR_RETURN(const Client client, session.Connect());
+  TypedJoints joints(session.unit, [&] { return client.GetDatabase(); });
+  ASSIGN_OR_RETURN(const Configuration configuration, joints.Parse(arguments.configuration));
   ASSIGN_OR_RETURN(const auto explanation, client.Explain(configuration, session.policy));
+  const std::string typed = joints.Spoken(arguments.configuration);
+  const std::string hint = UnitHint(session, {configuration}, {explanation.verdict});
   if (!arguments.out.empty()) {
     ASSIGN_OR_RETURN(const v1::GetDatabaseResponse database, client.GetDatabase());
     ASSIGN_OR_RETURN(const ExplanationNotes notes,
-                     NotesOf(session, arguments, explanation, database));
+                     NotesOf(session, arguments, typed, hint, explanation, database));
     RETURN_IF_ERROR(WriteExplanation(explanation, notes, arguments.out));
   }
-  PrintResult(session.format, JsonOf(configuration, explanation),
-              TextOf(AsTyped(session, arguments.configuration),
-                     UnitHint(session, {configuration}, {explanation.verdict}), explanation));
+  PrintResult(session.format, JsonOf(configuration, explanation), TextOf(typed, hint, explanation));
   return explanation.verdict.free() ? kDone : kNo;
 }
 

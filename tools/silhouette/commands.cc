@@ -79,7 +79,7 @@ void AddClearanceFlag(CLI::App& command, Session& session) {
 void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what) {
   command.add_flag_callback(
       "--degrees", [&session] { session.unit = AngleUnit::kDegrees; },
-      what + " without a unit are degrees");
+      what + " without a unit are degrees, of joints that slide metres");
 }
 
 std::string UnitHint(const Session& session, const std::vector<Configuration>& configurations,
@@ -162,9 +162,11 @@ absl::StatusOr<std::vector<Configuration>> WaypointsOf(
     RETURN_IF_ERROR(RequireJoints(path, joints));
     return std::move(path.waypoints);
   }
+  TypedJoints joints(session.unit, database);
   std::vector<Configuration> waypoints;
   for (const std::string& text : arguments.waypoints) {
-    waypoints.push_back(ParseConfiguration(text, session.unit));
+    ASSIGN_OR_RETURN(Configuration waypoint, joints.Parse(text));
+    waypoints.push_back(std::move(waypoint));
   }
   return waypoints;
 }

@@ -72,7 +72,7 @@ void AddSeparationOptions(CLI::App& command, PathArguments& arguments);
 // Nothing if it is not asked for.
 std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments);
 // InvalidArgument if there is none, or both, or if the file says that its path is of other joints
-// than the database's, which is asked for only then.
+// than the database's, which is asked for only then and where the unit of a value matters.
 absl::StatusOr<std::vector<Configuration>> WaypointsOf(
     const Session& session, const PathArguments& arguments,
     const std::function<absl::StatusOr<v1::GetDatabaseResponse>()>& database);

@@ -72,20 +72,18 @@ std::string OutcomeText(const Findings& findings) {
 }
 
 absl::StatusOr<Findings> FindPath(const Session& session, const Client& client,
-                                  const PlanArguments& arguments) {
-  const Configuration start = ParseConfiguration(arguments.start, session.unit);
-  const Configuration goal = ParseConfiguration(arguments.goal, session.unit);
+                                  const Configuration& start, const Configuration& goal,
+                                  bool diagonal) {
   const client::Policy& policy = session.policy;
   const auto begin = std::chrono::steady_clock::now();
   auto space = client.GetConfigurationSpace(policy);
   const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
   if (!space.ok()) return space.status();
   ASSIGN_OR_RETURN(const auto ends, client.CheckConfigurations({start, goal}, policy));
-  ASSIGN_OR_RETURN(
-      const auto search,
-      SearchPath(client, policy, *space, start, ends.verdicts[0].free(), goal,
-                 ends.verdicts[1].free(), arguments.diagonal ? Moves::kDiagonals : Moves::kAxes,
-                 StopRequested));
+  ASSIGN_OR_RETURN(const auto search,
+                   SearchPath(client, policy, *space, start, ends.verdicts[0].free(), goal,
+                              ends.verdicts[1].free(), diagonal ? Moves::kDiagonals : Moves::kAxes,
+                              StopRequested));
   Findings findings{.space = *std::move(space),
                     .space_ms = taken.count(),
                     .start = start,
@@ -215,6 +213,9 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
         "--planner wave needs the configuration space of a grid, and the robot images of this cell "
         "are drawn: use rrtconnect or lbkpiece");
   }
+  TypedJoints joints(session.unit, [&] { return database; });
+  ASSIGN_OR_RETURN(const Configuration start, joints.Parse(arguments.start));
+  ASSIGN_OR_RETURN(const Configuration goal, joints.Parse(arguments.goal));
   if (planner != "wave") {
     if (!arguments.picture.empty() || !arguments.truth.empty()) {
       return absl::InvalidArgumentError(absl::StrCat(
@@ -222,11 +223,9 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
           drawn ? "the robot images of this cell are drawn" : absl::StrCat(planner, " uses none"),
           ": plan without them"));
     }
-    return PlanByMotions(session, client, database, planner,
-                         ParseConfiguration(arguments.start, session.unit),
-                         ParseConfiguration(arguments.goal, session.unit), arguments.out);
+    return PlanByMotions(session, client, database, planner, start, goal, arguments.out);
   }
-  ASSIGN_OR_RETURN(Findings findings, FindPath(session, client, arguments));
+  ASSIGN_OR_RETURN(Findings findings, FindPath(session, client, start, goal, arguments.diagonal));
   if (!arguments.truth.empty()) {
     ASSIGN_OR_RETURN(auto truth, Truth::Read(arguments.truth, findings.space.grid()));
     findings.truth = std::move(truth);

@@ -32,7 +32,7 @@ absl::Status GivenTwice(const char* option, const std::string& name) {
 }
 
 // What the folder says, and in place of that what the options say.
-absl::StatusOr<ImagesFolder> ImagesOf(const Session& session, const PublishArguments& arguments) {
+absl::StatusOr<ImagesFolder> ImagesOf(const PublishArguments& arguments, TypedJoints& typed) {
   ImagesFolder images;
   std::set<std::string> views;
   std::set<std::string> joints;
@@ -52,11 +52,10 @@ absl::StatusOr<ImagesFolder> ImagesOf(const Session& session, const PublishArgum
     images.images.push_back(image);
   }
   for (const std::string& text : arguments.joints) {
-    const auto [name, position] = ParseJoint(text, session.unit);
-    if (!joints.insert(name).second) return GivenTwice("--joint", name);
-    std::erase_if(images.joints,
-                  [&, &joint = name](const auto& other) { return other.first == joint; });
-    images.joints.emplace_back(name, position);
+    ASSIGN_OR_RETURN(auto joint, typed.ParseNamed(text));
+    if (!joints.insert(joint.first).second) return GivenTwice("--joint", joint.first);
+    std::erase_if(images.joints, [&](const auto& other) { return other.first == joint.first; });
+    images.joints.push_back(std::move(joint));
   }
   if (images.images.empty()) {
     return absl::InvalidArgumentError(
@@ -95,8 +94,9 @@ absl::StatusOr<v1::ViewImage> ReadImage(const ImageFile& file, const PublishArgu
 
 absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments& arguments) {
   const auto called = std::chrono::steady_clock::now();
-  ASSIGN_OR_RETURN(const auto files, ImagesOf(session, arguments));
   ASSIGN_OR_RETURN(const Client client, session.Connect());
+  TypedJoints typed(session.unit, [&] { return client.GetDatabase(); });
+  ASSIGN_OR_RETURN(const auto files, ImagesOf(arguments, typed));
   v1::GetDatabaseResponse database;
   if (arguments.kind != "camera") {
     ASSIGN_OR_RETURN(database, client.GetDatabase());

@@ -356,6 +356,7 @@ TEST(GetDatabase, TellsWhatIsServed) {
       NewDatabase({.missing = {{0, 7}}, .excluded = {{4, 7}, {4, 6}}, .corrupt = {{2, 7}}});
   ServingSettings settings;
   settings.policy = {.max_occluded_views = 2, .off_grid = OffGrid::kNearest};
+  settings.joint_slides = {{"a", true}};
   TestServer server(database, settings);
   const v1::GetDatabaseResponse response = server.GetDatabase();
   EXPECT_EQ(response.cell_name(), "server test");
@@ -375,6 +376,9 @@ TEST(GetDatabase, TellsWhatIsServed) {
   EXPECT_EQ(response.permanent_pixels(0), 16u) << "the foot";
   EXPECT_EQ(response.default_policy().preset(), "uncalibrated");
   EXPECT_EQ(response.default_policy().max_occluded_views(), 2);
+  EXPECT_TRUE(response.grid().joints(0).slides());
+  EXPECT_FALSE(response.grid().joints(1).slides()) << "it is continuous";
+  EXPECT_TRUE(response.grid().joints(1).has_slides());
   EXPECT_EQ(response.default_policy().off_grid(), v1::OFF_GRID_NEAREST);
 }
 

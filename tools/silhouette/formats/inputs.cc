@@ -6,7 +6,6 @@
 #include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -20,12 +19,6 @@
 
 namespace silhouette {
 namespace {
-
-Configuration ParseParts(const std::vector<std::string>& parts, AngleUnit unit) {
-  Configuration configuration;
-  for (const std::string& part : parts) configuration.push_back(ParseJointValue(part, unit));
-  return configuration;
-}
 
 absl::StatusOr<std::string> ReadText(const std::string& file) {
   std::string text;
@@ -82,18 +75,21 @@ absl::StatusOr<ImagesFolder> FromJson(const nlohmann::ordered_json& index, const
 }  // namespace
 
 absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
-                                                              AngleUnit unit) {
+                                                              TypedJoints& joints) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(file));
   std::vector<Configuration> configurations;
   int line_number = 0;
   for (const absl::string_view line : absl::StrSplit(text, '\n')) {
     ++line_number;
-    try {
-      std::optional<Configuration> configuration = ParseLine(line, unit);
-      if (configuration) configurations.push_back(*std::move(configuration));
-    } catch (const std::invalid_argument& error) {
-      return absl::InvalidArgumentError(absl::StrCat(file, ":", line_number, ": ", error.what()));
+    const std::vector<std::string> values = ValuesOnLine(line);
+    if (values.empty()) continue;
+    absl::StatusOr<Configuration> configuration = joints.Parse(values);
+    if (!configuration.ok()) {
+      return absl::Status(
+          configuration.status().code(),
+          absl::StrCat(file, ":", line_number, ": ", configuration.status().message()));
     }
+    configurations.push_back(*std::move(configuration));
   }
   if (configurations.empty()) {
     return absl::InvalidArgumentError(
@@ -102,11 +98,10 @@ absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string&
   return configurations;
 }
 
-std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit) {
+std::vector<std::string> ValuesOnLine(absl::string_view line) {
   const absl::string_view content =
       absl::StripAsciiWhitespace(line.substr(0, std::min(line.find('#'), line.size())));
-  if (content.empty()) return std::nullopt;
-  return ParseParts(absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty()), unit);
+  return absl::StrSplit(content, absl::ByAnyChar(", \t"), absl::SkipEmpty());
 }
 
 absl::StatusOr<PathFile> ReadPath(const std::string& file) {

@@ -13,18 +13,18 @@
 #include "absl/time/time.h"
 #include "silhouette/configuration_grid.h"
 #include "silhouette/v1/scene_service.pb.h"
-#include "tools/program/joint_values.h"
 #include "tools/program/path_file.h"
+#include "tools/silhouette/formats/typed_joints.h"
 
 namespace silhouette {
 
 // A configuration per line, values separated by commas or blanks; empty lines and what follows a #
-// do not count; at least one. `file` "-": standard input. Errors name file and line.
+// do not count; at least one. `file` "-": standard input. Errors of `joints` name file and line.
 absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string& file,
-                                                              AngleUnit unit);
+                                                              TypedJoints& joints);
 
-// One such line; nothing if there is nothing on it. Throws std::invalid_argument with one sentence.
-std::optional<Configuration> ParseLine(absl::string_view line, AngleUnit unit);
+// The values on one such line; none if there is nothing on it.
+std::vector<std::string> ValuesOnLine(absl::string_view line);
 
 // `file` "-": standard input.
 absl::StatusOr<PathFile> ReadPath(const std::string& file);

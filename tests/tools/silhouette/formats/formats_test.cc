@@ -36,18 +36,63 @@ TEST(ConfigurationText, ValuesCarryTheirUnitOrTakeTheGivenOne) {
   EXPECT_NEAR(ParseJointValue("90", kDegrees), kPi / 2, 1e-15);
   EXPECT_EQ(ParseJointValue("0.2m", kDegrees), 0.2);
   EXPECT_EQ(ParseJointValue("1.5rad", kDegrees), 1.5);
-  EXPECT_THAT(ParseConfiguration("0.1,180deg", kRadians), ElementsAre(0.1, DoubleNear(kPi, 1e-15)));
+  EXPECT_THAT(ParseConfiguration("0.1,180deg"), ElementsAre(0.1, DoubleNear(kPi, 1e-15)));
   EXPECT_EQ(ParseJoint("axis_1=-2", kRadians), std::pair(std::string("axis_1"), -2.0));
 }
 
+TEST(ConfigurationText, UnitMustBeOneOfTheJoint) {
+  EXPECT_EQ(ParseJointValue("0.8", kDegrees, true), 0.8) << "metres, though angles are degrees";
+  EXPECT_EQ(ParseJointValue("0.8m", kRadians, true), 0.8);
+  EXPECT_NEAR(ParseJointValue("90", kDegrees, false), kPi / 2, 1e-15);
+  for (const char* angle : {"30deg", "0.5rad", "0.5 rad"}) {
+    EXPECT_THROW(ParseJointValue(angle, kRadians, true), std::invalid_argument) << angle;
+  }
+  EXPECT_THROW(ParseJointValue("0.2m", kRadians, false), std::invalid_argument);
+}
+
+TEST(TypedJoints, AskForTheGridOnceAndOnlyWhereAUnitMatters) {
+  int asked = 0;
+  const auto database = [&] {
+    ++asked;
+    v1::GetDatabaseResponse response;
+    for (const char* name : {"rail", "turn", "other"}) {
+      response.mutable_grid()->add_joints()->set_name(name);
+    }
+    response.mutable_grid()->mutable_joints(0)->set_slides(true);
+    response.mutable_grid()->mutable_joints(1)->set_slides(false);
+    return absl::StatusOr<v1::GetDatabaseResponse>(response);
+  };
+  TypedJoints plain(kRadians, database);
+  EXPECT_THAT(*plain.Parse("0.8,1,2"), ElementsAre(0.8, 1, 2));
+  EXPECT_EQ(asked, 0);
+  EXPECT_THAT(std::string(plain.Parse("30deg,0,0").status().message()),
+              HasSubstr("'30deg' is an angle, but the joint slides"));
+  EXPECT_THAT(std::string(plain.ParseNamed("turn=0.2m").status().message()),
+              HasSubstr("'0.2m' is a length, but the joint turns"));
+  EXPECT_EQ(plain.ParseNamed("gripper=0.2m")->second, 0.2) << "no joint of the grid";
+  EXPECT_EQ(asked, 1);
+  EXPECT_EQ(plain.Spoken("0.8, 1,90deg"), "0.8,1,90deg");
+
+  TypedJoints degrees(kDegrees, database);
+  EXPECT_THAT(*degrees.Parse("0.8,180,180"),
+              ElementsAre(0.8, DoubleNear(kPi, 1e-15), DoubleNear(kPi, 1e-15)));
+  EXPECT_EQ(degrees.ParseNamed("rail=0.8")->second, 0.8);
+  EXPECT_EQ(asked, 2);
+  EXPECT_EQ(degrees.Spoken("0.8,180,1rad"), "0.8m,180deg,1rad");
+
+  TypedJoints unreachable(kDegrees, [] { return absl::UnavailableError("no server"); });
+  EXPECT_EQ(unreachable.Parse("0.8,1,2").status().code(), absl::StatusCode::kUnavailable);
+}
+
 TEST(ConfigurationText, WhatIsNoValueIsNamed) {
-  for (const char* text : {"", "x", "1,", ",1", "nan", "inf", "0x10", "1;2", "deg", "1 2"}) {
-    EXPECT_THROW(ParseConfiguration(text, kRadians), std::invalid_argument) << text;
+  for (const char* text :
+       {"", "x", "1,", ",1", "nan", "inf", "0x10", "1;2", "deg", "1 2", "1radm", "1mdeg"}) {
+    EXPECT_THROW(ParseConfiguration(text), std::invalid_argument) << text;
   }
   EXPECT_THROW(ParseJoint("axis_1", kRadians), std::invalid_argument);
   EXPECT_THROW(ParseJoint("=1", kRadians), std::invalid_argument);
   try {
-    ParseConfiguration("0.1,abc", kRadians);
+    ParseConfiguration("0.1,abc");
     FAIL();
   } catch (const std::invalid_argument& error) {
     EXPECT_THAT(error.what(), HasSubstr("'abc'"));
@@ -65,16 +110,17 @@ TEST(ConfigurationText, FileHasAConfigurationPerLine) {
   const Shell shell;
   const std::string file = (shell.folder() / "list.txt").string();
   WriteFile(file, "\xef\xbb\xbf# two\n0.1, 0.2\n\n 90deg\t1  # second\n");
-  const auto read = ReadConfigurations(file, kRadians);
+  TypedJoints joints(kRadians, [] { return v1::GetDatabaseResponse(); });
+  const auto read = ReadConfigurations(file, joints);
   ASSERT_TRUE(read.ok()) << read.status();
   ASSERT_EQ(read->size(), 2u);
   EXPECT_THAT((*read)[1], ElementsAre(DoubleNear(kPi / 2, 1e-15), 1));
   WriteFile(file, "0.1,0.2\n0.1,?\n");
-  const absl::Status status = ReadConfigurations(file, kRadians).status();
+  const absl::Status status = ReadConfigurations(file, joints).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr(file + ":2"), HasSubstr("'?'")));
   WriteFile(file, "# none\n");
-  const absl::Status none = ReadConfigurations(file, kRadians).status();
+  const absl::Status none = ReadConfigurations(file, joints).status();
   EXPECT_EQ(none.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(none.message()), HasSubstr(file + ": it has no configuration"));
 }
