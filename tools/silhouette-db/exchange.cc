@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -44,15 +45,6 @@ absl::StatusOr<absl::Time> ParseTime(const std::string& column, const std::strin
   if (absl::ParseTime(absl::RFC3339_full, text, &time, &why)) return time;
   return absl::InvalidArgumentError(
       absl::StrCat(column, " '", text, "' is not a time such as 2024-05-01T12:00:00Z"));
-}
-
-// The value of a joint, as other programs take it too.
-absl::StatusOr<double> JointIn(const std::string& joint, const std::string& text) {
-  try {
-    return ParseJointValue(text);
-  } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(absl::StrCat(joint, ": ", error.what()));
-  }
 }
 
 absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
@@ -146,18 +138,21 @@ std::string PathPart(const std::string& name) {
   return part;
 }
 
-TableReader::TableReader(std::string folder, const CellDescription& cell, ConfigurationGrid grid,
+TableReader::TableReader(std::string folder, const Cell& cell, ConfigurationGrid grid,
                          std::vector<MaskSize> mask_sizes)
     : folder_(std::move(folder)),
-      cell_(cell),
+      cell_(DescriptionOf(cell)),
+      joint_slides_(cell.joint_slides),
+      joint_tolerance_(cell.capture.joint_tolerance),
       grid_(std::move(grid)),
       mask_sizes_(std::move(mask_sizes)) {}
 
 absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std::string_view header,
-                                                    const CellDescription& cell) {
-  ASSIGN_OR_RETURN(ConfigurationGrid grid, GridOf(cell));
-  ASSIGN_OR_RETURN(std::vector<MaskSize> mask_sizes, MaskSizesOf(cell));
-  ASSIGN_OR_RETURN(const std::vector<std::string> known, ColumnsOf(cell));
+                                                    const Cell& cell) {
+  const CellDescription description = DescriptionOf(cell);
+  ASSIGN_OR_RETURN(ConfigurationGrid grid, GridOf(description));
+  ASSIGN_OR_RETURN(std::vector<MaskSize> mask_sizes, MaskSizesOf(description));
+  ASSIGN_OR_RETURN(const std::vector<std::string> known, ColumnsOf(description));
   ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(header));
 
   TableReader reader(fs::path(csv).parent_path().string(), cell, std::move(grid),
@@ -168,13 +163,14 @@ absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std:
   for (size_t i = 0; i < cells.size(); ++i) {
     const std::string& name = cells[i];
     if (std::find(known.begin(), known.end(), name) == known.end()) {
-      return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name(),
+      return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name,
                    "'; write its columns with commas between them: ", absl::StrJoin(known, ","));
     }
     if (!reader.columns_.emplace(name, i).second)
       return fault("column '", name, "' is there twice");
   }
-  const size_t needed = static_cast<size_t>(cell.grid_joints_size() + cell.views_size());
+  const size_t needed =
+      static_cast<size_t>(description.grid_joints_size() + description.views_size());
   for (size_t i = 0; i < known.size(); ++i) {
     const std::string& name = known[i];
     if (reader.columns_.contains(name)) continue;
@@ -208,7 +204,26 @@ absl::StatusOr<RobotImage> TableReader::Read(std::string_view line) const {
   }
   ASSIGN_OR_RETURN(image.commanded, ReadJoints(cells, kCommanded));
   ASSIGN_OR_RETURN(image.measured, ReadJoints(cells, kMeasured));
+  RETURN_IF_ERROR(RequireMeasuredAt(image));
   return image;
+}
+
+absl::Status TableReader::RequireMeasuredAt(const RobotImage& image) const {
+  if (image.measured.empty()) return absl::OkStatus();
+  const Configuration stated = grid_.At(image.number);
+  for (size_t j = 0; j < stated.size(); ++j) {
+    const GridJoint& joint = grid_.joints()[j];
+    if (joint.any()) continue;
+    double off = image.measured[j] - stated[j];
+    if (joint.continuous) off = std::remainder(off, 2 * std::numbers::pi);
+    if (std::abs(off) <= joint_tolerance_) continue;
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "joint '%s' was measured at %g, not at %g: the masks show another configuration; if the "
+        "robot stands no better, state a larger joint_tolerance in the cell file's section "
+        "'capture'",
+        joint.name, image.measured[j], stated[j]));
+  }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
@@ -217,7 +232,7 @@ absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
   for (int j = 0; j < grid_.dimensions(); ++j) {
     const GridJoint& joint = grid_.joints()[static_cast<size_t>(j)];
     const std::string& text = cells[columns_.at(joint.name)];
-    ASSIGN_OR_RETURN(const double value, JointIn("joint '" + joint.name + "'", text));
+    ASSIGN_OR_RETURN(const double value, ReadJoint(joint.name, "joint '" + joint.name + "'", text));
     const std::optional<double> place = grid_.Place(j, value);
     if (!place) {
       return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "': ", text,
@@ -263,6 +278,18 @@ absl::Status TableReader::ReadMasks(const std::vector<std::string>& cells,
   return absl::OkStatus();
 }
 
+absl::StatusOr<double> TableReader::ReadJoint(const std::string& joint, const std::string& called,
+                                              const std::string& text) const {
+  const auto slides = joint_slides_.find(joint);
+  const bool known = slides != joint_slides_.end();
+  try {
+    return ParseJointValue(text, AngleUnit::kRadians,
+                           known ? std::optional(slides->second) : std::nullopt);
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(absl::StrCat(called, ": ", error.what()));
+  }
+}
+
 absl::StatusOr<std::vector<double>> TableReader::ReadJoints(const std::vector<std::string>& cells,
                                                             const std::string& prefix) const {
   std::vector<double> values;
@@ -272,8 +299,8 @@ absl::StatusOr<std::vector<double>> TableReader::ReadJoints(const std::vector<st
   for (const std::string& joint : joints) {
     const std::string& text = cells[columns_.at(prefix + joint)];
     empty += text.empty() ? 1 : 0;
-    ASSIGN_OR_RETURN(const double value,
-                     text.empty() ? absl::StatusOr<double>(0) : JointIn(prefix + joint, text));
+    ASSIGN_OR_RETURN(const double value, text.empty() ? absl::StatusOr<double>(0)
+                                                      : ReadJoint(joint, prefix + joint, text));
     values.push_back(value);
   }
   if (empty == joints.size()) return std::vector<double>();

@@ -23,6 +23,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "db/store/store.h"
+#include "tools/cell/cell.h"
 
 namespace silhouette {
 
@@ -48,23 +49,30 @@ class TableReader {
   // `csv`: the file's path. InvalidArgument, naming the file, if a column is missing, unknown or
   // there twice.
   static absl::StatusOr<TableReader> FromHeader(const std::string& csv, std::string_view header,
-                                                const storage::v1::CellDescription& cell);
+                                                const Cell& cell);
 
   // The record of a row, its masks read from their files. Everything is checked; the message does
   // not name the row.
   absl::StatusOr<RobotImage> Read(std::string_view line) const;
 
  private:
-  TableReader(std::string folder, const storage::v1::CellDescription& cell, ConfigurationGrid grid,
+  TableReader(std::string folder, const Cell& cell, ConfigurationGrid grid,
               std::vector<MaskSize> mask_sizes);
 
   absl::StatusOr<ConfigurationNumber> ReadNumber(const std::vector<std::string>& cells) const;
   absl::Status ReadMasks(const std::vector<std::string>& cells, RobotImage& image) const;
+  // InvalidArgument if the robot was measured elsewhere than at the row's configuration.
+  absl::Status RequireMeasuredAt(const RobotImage& image) const;
+  // `called`: what a message calls the value.
+  absl::StatusOr<double> ReadJoint(const std::string& joint, const std::string& called,
+                                   const std::string& text) const;
   absl::StatusOr<std::vector<double>> ReadJoints(const std::vector<std::string>& cells,
                                                  const std::string& prefix) const;
 
   std::string folder_;
   storage::v1::CellDescription cell_;
+  std::map<std::string, bool> joint_slides_;  // Cell::joint_slides
+  double joint_tolerance_;                    // of the cell's capture
   ConfigurationGrid grid_;
   std::vector<MaskSize> mask_sizes_;
   std::map<std::string, size_t> columns_;  // by name

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/program/progress.h"
@@ -167,7 +168,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   absl::ConsumePrefix(&bare, "\xef\xbb\xbf");  // some programs begin a CSV with it
   const storage::v1::CellDescription description = DescriptionOf(cell);
   ASSIGN_OR_RETURN(const TableReader table,
-                   TableReader::FromHeader(csv, {bare.data(), bare.size()}, description));
+                   TableReader::FromHeader(csv, {bare.data(), bare.size()}, cell));
   ASSIGN_OR_RETURN(const auto references,
                    ImportReferences(fs::path(csv).parent_path().string(), description));
   const auto rows = file.tellg();
@@ -192,7 +193,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   Importer importer(csv, *database, writer, options.replace);
   absl::Status status = TakeAll(csv, table, file, importer, writer);
   if (status.ok() && references) status = TakeReferences(*references, program, *database);
-  std::cout << writer.committed() << " records imported into " << path;
+  std::cout << Counted(writer.committed(), "record") << " imported into " << path;
   if (importer.there_already() > 0) {
     std::cout << ", " << importer.there_already() << " were there already";
   }

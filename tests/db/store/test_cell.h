@@ -98,7 +98,9 @@ inline RobotImage TestImage(const Database& database, ConfigurationNumber number
   std::normal_distribution<double> normal;
   if (random() % 4 != 0) {
     for (size_t j = 0; j < joints; ++j) image.commanded.push_back(normal(random));
-    for (size_t j = 0; j < joints; ++j) image.measured.push_back(normal(random));
+    image.measured = database.grid().At(number);
+    for (double& position : image.measured) position += 1e-4 * normal(random);
+    image.measured.resize(joints);
     for (int j = 0; j < database.cell().fixed_joints_size(); ++j) {
       image.measured[static_cast<size_t>(database.grid().dimensions() + j)] =
           database.cell().fixed_joints(j).position();

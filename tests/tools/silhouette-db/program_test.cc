@@ -427,6 +427,21 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
   EXPECT_THAT(outcome.out, HasSubstr("2 records imported"));
 }
 
+TEST_F(SilhouetteDb, ImportRefusesMasksOfARobotThatWasMeasuredElsewhere) {
+  Write("cell.yaml", kTestCellFile);
+  Write("l.png", EncodeMaskPng(OnePixel({64, 64})));
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
+  Write("configurations.csv",
+        "axis_1,axis_2,left,top,measured:axis_1,measured:axis_2,measured:axis_3\n"
+        "-1,-1,l.png,t.png,-0.999,-1,0.25\n"
+        "0,-1,l.png,t.png,0,-0.99,0.25\n");
+  const Ended outcome = Run("import . --cell cell.yaml --database db");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("configurations.csv:3: joint 'axis_2' was measured at -0.99, "
+                                     "not at -1: the masks show another configuration"));
+  EXPECT_THAT(outcome.out, HasSubstr("1 record imported"));
+}
+
 TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
   Write("cell.yaml", kTestCellFile);
   const auto refusal = [&](const std::string& header) {
