@@ -214,16 +214,12 @@ absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::
     ++number;
     const std::vector<std::string> values = ValuesOnLine(*line);
     if (values.empty()) continue;
-    const absl::StatusOr<Configuration> q = joints.Parse(values);
-    if (!q.ok()) {
-      return absl::Status(q.status().code(),
-                          absl::StrCat("-:", number, ": ", q.status().message()));
-    }
-    asked.Add(number, *q);
+    ASSIGN_OR_RETURN(const Configuration q, joints.Parse(values, absl::StrCat("-:", number, ": ")));
+    asked.Add(number, q);
     absl::Status sent;
     do {
       sent =
-          stream.Send(number, {*q}, session.policy, client::Evidence::kPerView, session.clearance);
+          stream.Send(number, {q}, session.policy, client::Evidence::kPerView, session.clearance);
       // The answers are being printed.
       if (absl::IsResourceExhausted(sent))
         std::this_thread::sleep_for(std::chrono::milliseconds(1));

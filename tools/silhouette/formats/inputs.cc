@@ -83,13 +83,9 @@ absl::StatusOr<std::vector<Configuration>> ReadConfigurations(const std::string&
     ++line_number;
     const std::vector<std::string> values = ValuesOnLine(line);
     if (values.empty()) continue;
-    absl::StatusOr<Configuration> configuration = joints.Parse(values);
-    if (!configuration.ok()) {
-      return absl::Status(
-          configuration.status().code(),
-          absl::StrCat(file, ":", line_number, ": ", configuration.status().message()));
-    }
-    configurations.push_back(*std::move(configuration));
+    ASSIGN_OR_RETURN(Configuration configuration,
+                     joints.Parse(values, absl::StrCat(file, ":", line_number, ": ")));
+    configurations.push_back(std::move(configuration));
   }
   if (configurations.empty()) {
     return absl::InvalidArgumentError(

@@ -20,14 +20,15 @@ absl::StatusOr<Configuration> TypedJoints::Parse(absl::string_view text) {
   return Parse(std::vector<std::string>(absl::StrSplit(text, ',')));
 }
 
-absl::StatusOr<Configuration> TypedJoints::Parse(const std::vector<std::string>& values) {
+absl::StatusOr<Configuration> TypedJoints::Parse(const std::vector<std::string>& values,
+                                                 absl::string_view place) {
   Configuration configuration;
   for (const std::string& value : values) {
     RETURN_IF_ERROR(AskIfItMatters(value));
     try {
       configuration.push_back(ParseJointValue(value, unit_, Slides(configuration.size())));
     } catch (const std::invalid_argument& error) {
-      return absl::InvalidArgumentError(error.what());
+      return absl::InvalidArgumentError(absl::StrCat(place, error.what()));
     }
   }
   return configuration;

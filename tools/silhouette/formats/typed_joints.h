@@ -25,9 +25,10 @@ class TypedJoints {
   TypedJoints(AngleUnit unit, std::function<absl::StatusOr<v1::GetDatabaseResponse>()> database);
 
   // One value per joint of the grid, separated by commas: "0.5,-30deg,0.2m". InvalidArgument,
-  // naming what is wrong; an error of `database`.
+  // naming what is wrong, after `place`; an error of `database`.
   absl::StatusOr<Configuration> Parse(absl::string_view text);
-  absl::StatusOr<Configuration> Parse(const std::vector<std::string>& values);
+  absl::StatusOr<Configuration> Parse(const std::vector<std::string>& values,
+                                      absl::string_view place = "");
 
   // "joint_1=0.5". As Parse; the unit of a joint that is not in the grid is believed.
   absl::StatusOr<std::pair<std::string, double>> ParseNamed(const std::string& text);
