@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
+#include "capture/drivers/opencv/arrivals.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 
@@ -36,6 +37,7 @@ class StreamCamera : public CameraSource {
       : views_{view},
         latency_(latency),
         timeout_(timeout),
+        arrivals_(latency),
         stream_(std::move(stream)),
         open_(std::move(open)),
         reader_([this] { ReadAll(); }) {}
@@ -100,7 +102,8 @@ class StreamCamera : public CameraSource {
   // Whether an image that comes now may be the one that is waited for.
   bool Wanted(absl::Duration now) {
     const std::lock_guard lock(mutex_);
-    return asked_ && !image_ && now >= *asked_ + latency_;
+    arrivals_.Note(now);
+    return asked_ && !image_ && now >= *asked_ + latency_ && now >= arrivals_.late_until();
   }
 
   void Reopen() {
@@ -125,6 +128,7 @@ class StreamCamera : public CameraSource {
   const std::vector<std::string> views_;
   const absl::Duration latency_;
   const absl::Duration timeout_;
+  Arrivals arrivals_;        // of the reader alone
   cv::VideoCapture stream_;  // of the reader alone
   const Open open_;
 
