@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -54,22 +56,24 @@ YamlNode YamlNode::FromFile(const std::string& path) {
   if (std::filesystem::is_directory(path, unreadable)) {
     throw YamlError(path + " is a folder; name a file");
   }
-  try {
-    YAML::Node node = YAML::LoadFile(path);
-    if (node.IsNull()) throw YamlError(path + ": the file is empty");
-    return {node, path, ""};
-  } catch (const YAML::BadFile&) {
-    throw YamlError(path + ": the file does not exist or cannot be read");
-  } catch (const YAML::ParserException& error) {
-    throw YamlError(path + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
-  }
+  std::ifstream file(path, std::ios::binary);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  if (!file) throw YamlError(path + ": the file does not exist or cannot be read");
+  return FromText(text, path);
 }
 
 YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
   try {
-    YAML::Node node = YAML::Load(text);
-    if (node.IsNull()) throw YamlError(file + ": the file is empty");
-    return {node, file, ""};
+    const std::vector<YAML::Node> documents = YAML::LoadAll(text);
+    if (documents.empty() || documents.front().IsNull()) {
+      throw YamlError(file + ": the file is empty");
+    }
+    for (size_t i = 1; i < documents.size(); ++i) {
+      if (documents[i].IsNull()) continue;
+      throw YamlError(file + ":" + std::to_string(documents[i].Mark().line + 1) +
+                      ": a second document begins here and would not count; write all into one");
+    }
+    return {documents.front(), file, ""};
   } catch (const YAML::ParserException& error) {
     throw YamlError(file + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
   }

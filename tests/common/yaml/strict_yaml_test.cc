@@ -122,6 +122,13 @@ TEST(StrictYaml, MissingAndEmptyFilesAreTold) {
   EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("the file is empty"));
 }
 
+TEST(StrictYaml, SecondDocumentIsNoPartOfTheFileAndRefused) {
+  EXPECT_THAT(ErrorOf([] { YamlNode::FromText("a: 1\n---\nb: 2\n", "cell.yaml"); }),
+              HasSubstr("cell.yaml:3: a second document begins here"));
+  EXPECT_NO_THROW(YamlNode::FromText("---\na: 1\n...\n", "cell.yaml"));
+  EXPECT_NO_THROW(YamlNode::FromText("a: 1\n---\n", "cell.yaml"));
+}
+
 TEST(StrictYaml, NearestWordIsEmptyWhereNothingIsNear) {
   EXPECT_EQ(NearestWord("joint_1", {"axis_a", "joint_2"}), "joint_2");
   EXPECT_EQ(NearestWord("zzz", {"name", "grid"}), "");
