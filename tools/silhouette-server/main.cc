@@ -24,6 +24,7 @@
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -208,6 +209,13 @@ std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
 absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std::string& obstacles,
                                                     std::shared_ptr<LiveRecord> record,
                                                     Server& server) {
+  const auto* manual = std::get_if<ManualRobotSettings>(&cell.robot.driver);
+  if (manual != nullptr && std::holds_alternative<std::monostate>(manual->read)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(cell.file,
+                     ": robot.driver: --live needs a robot that reports its joints all the time; "
+                     "'manual' only asks people for them: give it 'read'"));
+  }
   std::optional<Travel> travel;
   try {
     travel.emplace(cell.grid, cell.capture.forbidden_regions);

@@ -133,6 +133,10 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
     return Log();
   };
   EXPECT_THAT(refused("--live", *cell / "bare.yaml"), HasSubstr("put 'driver: sim'"));
+  WriteText(*cell / "typed.yaml", absl::StrReplaceAll(ReadText(cell->cell()),
+                                                      {{"  driver: sim\n", "  driver: manual\n"}}));
+  EXPECT_THAT(refused("--live", *cell / "typed.yaml"),
+              HasSubstr("'manual' only asks people for them: give it 'read'"));
   EXPECT_THAT(refused("--simulated-obstacles x.yaml"), HasSubstr("--live"));
   EXPECT_THAT(refused("--live --simulated-obstacles x.yaml"), HasSubstr("x.yaml"));
   EXPECT_THAT(refused("--live --metrics nowhere"), HasSubstr("127.0.0.1"));
