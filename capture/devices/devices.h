@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <iterator>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@ struct CameraImage {
 struct RobotState {
   std::vector<double> positions;  // in the order of Robot::joints(); radians, metres
   bool moving = false;
+  // The positions were not measured before this, by the running clock. Nothing: they were measured
+  // during the call that returned them.
+  std::optional<absl::Duration> not_before = std::nullopt;
 };
 
 class Robot {

@@ -149,6 +149,8 @@ absl::Status JointPoller::Ask() {
   const absl::StatusOr<RobotState> state = robot_->State();
   const Moment answered = clock_();
   if (!state.ok()) return state.status();
+  if (state->not_before && state->not_before == not_before_) return absl::OkStatus();  // not new
+  not_before_ = state->not_before;
   const std::vector<std::string>& known = robot_->joints();
   if (state->positions.size() != known.size()) {
     return absl::InternalError(absl::StrCat("the robot reported the positions of ",
@@ -160,7 +162,8 @@ absl::Status JointPoller::Ask() {
     positions.push_back(
         state->positions[static_cast<size_t>(std::ranges::find(known, joint) - known.begin())]);
   }
-  const absl::Status added = history_.Add(asked, answered.running, positions);
+  const absl::Duration measured = std::min(asked, state->not_before.value_or(asked));
+  const absl::Status added = history_.Add(measured, answered.running, positions);
   if (added.ok()) record_.NoteJoints(answered);
   return added;
 }

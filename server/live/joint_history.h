@@ -97,8 +97,9 @@ class JointPoller {
   const Clock clock_;
   const OpenRobotFunction open_;
   LiveRecord& record_;
-  std::vector<std::string> joints_;  // of the cell
-  std::unique_ptr<Robot> robot_;     // null: to be opened
+  std::vector<std::string> joints_;           // of the cell
+  std::unique_ptr<Robot> robot_;              // null: to be opened
+  std::optional<absl::Duration> not_before_;  // RobotState::not_before of the last sample
   JointHistory history_;
   std::jthread thread_;  // last: it uses the others
 };

@@ -3,6 +3,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
@@ -13,7 +14,9 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/grpc/driver_status.h"
 #include "db/status/status_macros.h"
 #include "proto/tls/channel_credentials.h"
@@ -124,11 +127,32 @@ class GrpcRobotLink : public ControllerLink {
     }
   }
 
+  // A driver that was started anew may name its joints in another order.
+  absl::Status CheckJoints() {
+    grpc::ClientContext context;
+    context.set_deadline(Deadline());
+    v1::GetRobotResponse robot;
+    const grpc::Status status = stub_->GetRobot(&context, {}, &robot);
+    if (!status.ok()) return GrpcRobotLinkStatusOf(settings_.address, status);
+    if (std::ranges::equal(robot.joints(), joints_)) return absl::OkStatus();
+    return absl::UnavailableError(absl::StrCat("the driver at ", settings_.address,
+                                               " now names the joints ",
+                                               absl::StrJoin(robot.joints(), ", "), " and named ",
+                                               absl::StrJoin(joints_, ", "), " before"));
+  }
+
   void AskOnce() {
+    if (!joints_known_) {
+      const absl::Status same = CheckJoints();
+      if (!same.ok()) return observer_.failed(same);
+      joints_known_ = true;
+    }
+    const absl::Duration asked = RunningNow();
     grpc::ClientContext context;
     context.set_deadline(Deadline());
     v1::GetStateResponse response;
     const grpc::Status status = stub_->GetState(&context, {}, &response);
+    joints_known_ = status.ok();
     if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED) {
       return observer_.failed(absl::UnavailableError(
           absl::StrCat("the driver at ", settings_.address, " does not say where the robot is")));
@@ -138,6 +162,7 @@ class GrpcRobotLink : public ControllerLink {
     feedback.positions.assign(response.positions().begin(), response.positions().end());
     if (response.has_moving()) feedback.moving = response.moving();
     feedback.fault = response.fault();
+    feedback.not_before = asked;
     observer_.feedback(feedback);
   }
 
@@ -145,6 +170,7 @@ class GrpcRobotLink : public ControllerLink {
   const std::unique_ptr<v1::RobotDriverService::Stub> stub_;
   const std::vector<std::string> joints_;
   Observer observer_;
+  bool joints_known_ = true;  // of thread_ alone: no call has failed since they were asked for
 
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;

@@ -187,7 +187,8 @@ absl::StatusOr<RobotState> FeedbackRobot::State() {
   std::unique_lock lock(mutex_);
   ASSIGN_OR_RETURN(RobotFeedback newest, Newest(lock));
   return RobotState{.positions = std::move(newest.positions),
-                    .moving = newest.moving.value_or(false) || stillness_.moving()};
+                    .moving = newest.moving.value_or(false) || stillness_.moving(),
+                    .not_before = newest.not_before.value_or(newest_time_)};
 }
 
 absl::Status FeedbackRobot::Stop() {

@@ -23,6 +23,8 @@ struct RobotFeedback {
   // Why it would not set off now, though it may be well, e.g. "the drives are off"; empty: it
   // would.
   std::string not_ready = {};
+  // RobotState::not_before. Nothing: the robot reports by itself, when it arrives.
+  std::optional<absl::Duration> not_before = {};
 };
 
 struct MotionLimits {

@@ -14,8 +14,11 @@
 #include <numbers>
 #include <string>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "capture/drivers/grpc/grpc_robot_link.h"
 #include "capture/drivers/robots/feedback_robot.h"
 #include "capture/sim/served/grpc_robot_server.h"
@@ -104,6 +107,38 @@ TEST_F(GrpcRobotTest, DriverThatEndsOnTheWayStopsTheRobotAndTheNextOneGoesOn) {
   Serve();
   robot = Connect(server_->address(), {.joint_speed = 4});
   EXPECT_TRUE(robot->MoveTo(kHere).ok());
+}
+
+TEST_F(GrpcRobotTest, JointsAreNotOlderThanTheQuestionForThem) {
+  const absl::Duration before = RunningNow();
+  const auto robot = Connect(server_->address(), {});
+  const absl::StatusOr<RobotState> state = robot->State();
+  ASSERT_TRUE(state.ok() && state->not_before) << state.status();
+  EXPECT_GE(*state->not_before, before);
+  EXPECT_LE(*state->not_before, RunningNow());
+  // A driver that has not answered since: the same positions, and as old.
+  server_.reset();
+  const absl::Duration ended = RunningNow();
+  const absl::StatusOr<RobotState> later = robot->State();
+  EXPECT_TRUE(!later.ok() || later->not_before <= ended);
+}
+
+TEST_F(GrpcRobotTest, DriverThatNamesItsJointsInAnotherOrderIsNotBelieved) {
+  const auto robot = Connect(server_->address(), {}, absl::Seconds(1));
+  const std::string address = server_->address();
+  server_.reset();
+  ASSERT_TRUE(Eventually([&] { return !robot->State().ok(); }));
+  std::string urdf = ThreeJointUrdf();
+  urdf = absl::StrReplaceAll(urdf, {{"\"turn\"", "\"bend\""}, {"\"bend\"", "\"turn\""}});
+  SimulatedController other(
+      RobotModel::FromUrdf(WriteFile(FreshFolder() / "other.urdf", urdf)).value(), 0, kHere,
+      [](std::span<const double>) {});
+  const auto restarted = GrpcRobotServer::Start(other, address);
+  ASSERT_TRUE(restarted.ok()) << restarted.status();
+  EXPECT_TRUE(Eventually([&] {
+    return absl::StrContains(robot->State().status().message(),
+                             "now names the joints bend, turn, slide and named turn, bend, slide");
+  }));
 }
 
 TEST_F(GrpcRobotTest, NobodyThereIsSaidWithTheAddress) {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "server/live/live_loop.h"
 #include "server/scene/checker.h"
 #include "server/scene/scene_store.h"
@@ -29,7 +30,8 @@ struct LiveScript {
   int robot_a = 0;
   bool tool = false;  // of tests/server/tool_variant.h
   std::vector<double> joints = {0.5, At(0, 0)[1], At(0, 0)[0]};
-  double joint_drift = 0;  // added to joint a with every answer
+  double joint_drift = 0;      // added to joint a with every answer
+  absl::Duration joints_late;  // how long ago they were measured; zero: when they are asked for
   absl::Status robot_error = absl::OkStatus();
   // By view of the database.
   std::vector<absl::Status> camera_errors = {3, absl::OkStatus()};
@@ -101,7 +103,11 @@ class ScriptedRobot : public Robot {
     const std::lock_guard lock(script_.mutex);
     if (!script_.robot_error.ok()) return script_.robot_error;
     script_.joints[2] += script_.joint_drift;
-    return RobotState{.positions = script_.joints, .moving = script_.joint_drift != 0};
+    RobotState state{.positions = script_.joints, .moving = script_.joint_drift != 0};
+    if (script_.joints_late > absl::ZeroDuration()) {
+      state.not_before = RunningNow() - script_.joints_late;
+    }
+    return state;
   }
   absl::Status Stop() override { return absl::OkStatus(); }
 

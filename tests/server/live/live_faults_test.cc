@@ -261,6 +261,16 @@ TEST_F(LiveFaultsTest, RobotThatMovesIsNowhere) {
   AllIsWellAgain();
 }
 
+TEST_F(LiveFaultsTest, RobotWhoseJointsAreOldIsNowhere) {
+  config.live.joints_gap = absl::Milliseconds(200);
+  ASSERT_TRUE(Start().ok());
+  AllIsWellAgain();
+  Script([](LiveScript& to) { to.joints_late = absl::Milliseconds(800); });
+  RobotIsNowhereBecause("did not report its joints");
+  Script([](LiveScript& to) { to.joints_late = absl::ZeroDuration(); });
+  AllIsWellAgain();
+}
+
 TEST_F(LiveFaultsTest, RobotThatIsLostIsNowhere) {
   ASSERT_TRUE(Start().ok());
   AllIsWellAgain();
