@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "capture/verification/growth_fit.h"
 #include "capture/verification/mask_shift.h"
+#include "capture/verification/unmoved_joints.h"
 
 namespace silhouette {
 namespace {
@@ -506,12 +507,13 @@ int GrowthSteps(const ComparisonSettings& settings) {
 
 std::string Describe(const ComparisonSettings& settings) {
   return absl::StrFormat(
-      "growth_step: %g\nleast_configurations: %d\nmost_growth: %g\nmost_held_out: %g\nmost_noise: "
+      "growth_step: %g\nleast_configurations: %d\nleast_moved: %g\nmost_growth: %g\nmost_held_out: "
+      "%g\nmost_noise: "
       "%g\nmost_noise_pixels: %d\nmost_shift: %g\nmost_uncaptured: %g\nmost_uncaptured_of_link: "
       "%g\n",
-      settings.growth_step, settings.least_configurations, settings.most_growth,
-      settings.most_held_out, settings.most_noise, settings.most_noise_pixels, settings.most_shift,
-      settings.most_uncaptured, settings.most_uncaptured_of_link);
+      settings.growth_step, settings.least_configurations, settings.least_moved,
+      settings.most_growth, settings.most_held_out, settings.most_noise, settings.most_noise_pixels,
+      settings.most_shift, settings.most_uncaptured, settings.most_uncaptured_of_link);
 }
 
 std::vector<double> ModelComparison::LinkGrowth() const {
@@ -520,12 +522,17 @@ std::vector<double> ModelComparison::LinkGrowth() const {
   return growth;
 }
 
-ModelComparison CompareModel(const DrawnRobot& bare, std::span<const std::string> link_names,
+ModelComparison CompareModel(const DrawnRobot& bare, std::span<const GridJoint> joints,
+                             std::span<const std::string> link_names,
                              std::span<const std::string> view_names,
                              std::span<const ModelSample> samples,
                              const ComparisonSettings& settings,
                              const std::function<void(uint64_t done)>& progress) {
-  return Comparing(bare, link_names, view_names, samples, settings, progress).Go();
+  ModelComparison found = Comparing(bare, link_names, view_names, samples, settings, progress).Go();
+  for (std::string& fault : UnmovedJoints(bare.chain(), joints, samples, settings.least_moved)) {
+    found.faults.push_back(std::move(fault));
+  }
+  return found;
 }
 
 }  // namespace silhouette

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "calib/robot/drawing/drawn_robot.h"
+#include "db/mask/configuration_grid.h"
 #include "db/mask/mask.h"
 
 namespace silhouette {
@@ -37,6 +38,10 @@ struct ComparisonSettings {
   // Share of the masks held out with a captured pixel that the growth found by the others lacks.
   // The growth of few configurations is made greater until it is so (ModelComparison::further).
   double most_held_out = 0.02;
+  // Share of a joint's range, and of no more than a turn, that the samples must span, or they say
+  // too little of its axis (UnmovedJoints). A shoulder that may turn all round spans less than
+  // half a turn above a floor, and less than that in a small sample.
+  double least_moved = 0.3;
   // Fewer configurations say too little of a link: half of them are held out.
   size_t least_configurations = 30;
 };
@@ -108,14 +113,15 @@ struct ModelComparison {
 // is no matter of few configurations.
 constexpr double kMostFurther = 0.01;
 
-// `link_names` by link of the model, `view_names` by view. `progress`: called with masks done, of
+// `joints`: the ranges in which the robot is to be drawn, by its joint. `link_names` by link of the
+// model, `view_names` by view. `progress`: called with masks done, of
 // two for each mask. Half of the samples (every other one) are held out; the growth that is
 // returned holds all of them, but noise and what is not reached. Throws std::invalid_argument if a
 // sample has not the joints and views of the robot.
 ModelComparison CompareModel(
-    const DrawnRobot& bare, std::span<const std::string> link_names,
-    std::span<const std::string> view_names, std::span<const ModelSample> samples,
-    const ComparisonSettings& settings,
+    const DrawnRobot& bare, std::span<const GridJoint> joints,
+    std::span<const std::string> link_names, std::span<const std::string> view_names,
+    std::span<const ModelSample> samples, const ComparisonSettings& settings,
     const std::function<void(uint64_t done)>& progress = [](uint64_t) {});
 
 }  // namespace silhouette

@@ -219,6 +219,7 @@ ComparisonSettings ReadVerification(const YamlNode& node) {
   map.Read("most_uncaptured_of_link", settings.most_uncaptured_of_link, &YamlNode::AsShare);
   map.Read("most_shift", settings.most_shift, ReadPixels);
   map.Read("most_held_out", settings.most_held_out, &YamlNode::AsShare);
+  map.Read("least_moved", settings.least_moved, &YamlNode::AsShare);
   settings.least_configurations = static_cast<size_t>(
       AtLeast(map, "least_configurations", static_cast<int>(settings.least_configurations), 2));
   map.Finish();

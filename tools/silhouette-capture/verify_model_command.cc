@@ -363,8 +363,8 @@ absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
   std::optional<Progress> progress;
   progress.emplace("comparison", 2 * samples.size() * model.views.size(), "masks");
   const ModelComparison found =
-      CompareModel(model.bare, model.links, model.views, samples, settings,
-                   [&](uint64_t done) { progress->Update(done); });
+      CompareModel(model.bare, model.database->grid().joints(), model.links, model.views, samples,
+                   settings, [&](uint64_t done) { progress->Update(done); });
   progress.reset();
   const std::string picture = options.picture.empty()
                                   ? BesideDatabase(file.database, ".verification.png")
@@ -393,7 +393,7 @@ void AddVerifyModel(CLI::App& app, Work& work) {
       "each link must grow to hold them (cables, hoses, tools), and stores that in the database.\n"
       "Drives the robot to configurations by chance, straight from one to the next, within\n"
       "'workspace' and past itself and the forbidden regions; or takes those of a database.\n"
-      "Refuses a model that is wrong, and says which link and view.");
+      "Refuses a model that is wrong, and says which link, view or joint.");
   command->footer(
       "Examples:\n"
       "  silhouette-capture verify-model --cell cell.yaml --database cell.lmdb\n"

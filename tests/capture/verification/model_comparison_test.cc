@@ -18,6 +18,7 @@ namespace {
 
 using Eigen::Vector3d;
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -69,8 +70,12 @@ struct ModelComparisonTest : ::testing::Test {
   }
 
   ModelComparison Found(const std::vector<ModelSample>& samples) const {
-    return CompareModel(WithTolerance(Drawn(robot, Views())), link_names, kViewNames, samples,
-                        settings);
+    std::vector<GridJoint> joints;
+    for (const RobotJoint& joint : robot.joints()) {
+      joints.push_back({.name = joint.name, .lower = joint.lower, .upper = joint.upper});
+    }
+    return CompareModel(WithTolerance(Drawn(robot, Views())), joints, link_names, kViewNames,
+                        samples, settings);
   }
 
   static std::vector<std::string> NamesOf(const RobotModel& model) {
@@ -268,6 +273,18 @@ TEST_F(ModelComparisonTest, WhatFewConfigurationsShowIsRefusedWithHowManyMayDo) 
   EXPECT_GE(found.enough, 2 * samples.size());
   EXPECT_THAT(found.faults, Contains(HasSubstr("30 configurations are too few, " +
                                                std::to_string(found.enough) + " may do")));
+}
+
+TEST_F(ModelComparisonTest, JointThatNeverMovedIsNotVerified) {
+  std::vector<ModelSample> samples = Samples(Drawn(robot, Views()), exact);
+  for (ModelSample& sample : samples) {
+    sample.q[3] = 0;
+    sample.captured = Drawn(robot, Views()).Touched(sample.q);
+  }
+  EXPECT_THAT(Found(samples).faults,
+              ElementsAre(HasSubstr("joint 'joint_4' moved through only 0.0 deg of 360.0 deg")));
+  settings.least_moved = 0;
+  EXPECT_THAT(Found(samples).faults, IsEmpty());
 }
 
 TEST_F(ModelComparisonTest, TooFewConfigurationsAreRefused) {

@@ -410,7 +410,7 @@ TEST(Cell, LimitsOfAVerificationAreThoseOfTheFile) {
   const auto cell =
       Load(with("growth_step: 1 cm, most_growth: 20 cm, most_noise_pixels: 3, most_noise: 0.01, "
                 "most_uncaptured: 0.05, most_uncaptured_of_link: 0.3, most_shift: 0.5 px, "
-                "most_held_out: 0.04, least_configurations: 20"));
+                "most_held_out: 0.04, least_moved: 0.6, least_configurations: 20"));
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_EQ(Describe(cell->verification),
             Describe(ComparisonSettings{.growth_step = 0.01,
@@ -421,6 +421,7 @@ TEST(Cell, LimitsOfAVerificationAreThoseOfTheFile) {
                                         .most_uncaptured_of_link = 0.3,
                                         .most_shift = 0.5,
                                         .most_held_out = 0.04,
+                                        .least_moved = 0.6,
                                         .least_configurations = 20}));
   EXPECT_THAT(MessageOf(with("growth_step: 0")), HasSubstr("most_growth, 0.1 m, must be 1 to 200"));
   EXPECT_THAT(MessageOf(with("growth_step: 0.1 mm")), HasSubstr("times growth_step, 0.0001 m"));

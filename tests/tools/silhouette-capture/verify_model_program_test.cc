@@ -115,6 +115,22 @@ TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWron
   EXPECT_THAT(outcome.err, Not(HasSubstr("--captured")));
 }
 
+TEST_F(VerifyModelProgram, CapturedImagesOfAJointThatStoodStillDoNotVerifyItsAxis) {
+  ASSERT_EQ(Run("reference", "captured.yaml", "captured.lmdb").exit_code, 0);
+  ASSERT_EQ(Run("run", "captured.yaml", "captured.lmdb").exit_code, 0);
+  WriteText(cell_ / "drawn.yaml",
+            absl::StrReplaceAll(ReadText(cell_ / "drawn.yaml"),
+                                {{"  fixed: {joint_2: 40 deg, joint_4: 0, ",
+                                  "    - {name: joint_4}\n  fixed: {joint_2: 40 deg, "}}));
+  MakeDrawn();
+  const Outcome outcome =
+      Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--captured", cell_ / "captured.lmdb"});
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("not verified: joint 'joint_4' moved through only 0.0 deg"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("joint_1")));
+  EXPECT_FALSE(IsVerified());
+}
+
 TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   MakeDrawn();
   const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "80"});
