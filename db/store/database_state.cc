@@ -1,11 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "db/store/database_state.h"
 
+#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
+#include "db/store/read_at.h"
 #include "db/store/schema.h"
 
 namespace silhouette {
+namespace {
+
+constexpr MDB_dbi kSubDatabases = 1;  // LMDB's list of them
+
+// Whether an entry of that list, an MDB_db, is of a sub-database without entries.
+bool IsEmptySubDatabase(std::string_view value) {
+  return value.size() == 48 && Load<uint64_t>(value.data() + 32) == 0;
+}
+
+}  // namespace
 
 absl::Status CheckWritable(const DatabaseState& state) {
   if (state.writer_lock) return absl::OkStatus();
@@ -69,6 +81,32 @@ absl::StatusOr<std::vector<std::string>> ReadVariants(const Environment& environ
   std::vector<std::string> names = {schema::kDefaultVariant};
   if (variants) names.insert(names.end(), variants->names().begin(), variants->names().end());
   return names;
+}
+
+absl::Status CheckNames(const Environment& environment, MDB_txn* transaction) {
+  ASSIGN_OR_RETURN(const std::vector<std::string> variants, ReadVariants(environment, transaction));
+  const schema::Names keys = schema::KeysOfMeta(variants);
+  const schema::Names sub_databases = schema::SubDatabases(variants);
+  std::string fault;
+  const auto check = [&](bool known, const char* what, std::string_view name) {
+    if (!known && fault.empty()) {
+      fault = absl::StrCat(what, " '", absl::CHexEscape({name.data(), name.size()}), "'");
+    }
+    return known;
+  };
+  RETURN_IF_ERROR(environment.ForEachEntry(transaction, environment.meta(), "",
+                                           [&](std::string_view key, std::string_view) {
+                                             return check(keys.contains(key), "an entry", key);
+                                           }));
+  RETURN_IF_ERROR(environment.ForEachEntry(
+      transaction, kSubDatabases, "", [&](std::string_view name, std::string_view value) {
+        return check(sub_databases.contains(name) || IsEmptySubDatabase(value), "a sub-database",
+                     name);
+      }));
+  if (fault.empty()) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("database '", environment.folder(),
+                                          "' is damaged: it has ", fault,
+                                          ", which no program writes; restore it from a copy"));
 }
 
 absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment) {

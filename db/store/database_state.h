@@ -81,6 +81,10 @@ absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment);
 // Whether a record fits the cell; InvalidArgument as RobotImageWriter::Put says.
 absl::Status CheckFits(const DatabaseState& state, const RobotImage& image);
 
+// Whether no key of `meta` and no sub-database with entries has a name but those of the schema: the
+// bearer of a damaged name would be taken for absent. DataLoss: one has. The caller holds the map.
+absl::Status CheckNames(const Environment& environment, MDB_txn* transaction);
+
 // The payload of `key` in `meta`; nothing if there is none. DataLoss if its checksum does not hold.
 // The caller holds the map.
 absl::StatusOr<std::optional<std::string>> ReadMeta(const Environment& environment,

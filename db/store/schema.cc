@@ -37,6 +37,29 @@ bool IsVariantName(std::string_view name) {
   });
 }
 
+Names KeysOfMeta(const std::vector<std::string>& variants) {
+  Names keys;
+  for (const std::string_view key :
+       {kFormatKey, kCellKey, kReferencesKey, kCalibrationKey, kVerificationKey, kProvenanceKey,
+        kVariantsKey, kGenerationKey}) {
+    keys.emplace(key);
+  }
+  for (const std::string& variant : variants) {
+    const VariantPlaces places = PlacesOfVariant(variant);
+    keys.insert({places.capture_key, places.drawn_key});
+  }
+  return keys;
+}
+
+Names SubDatabases(const std::vector<std::string>& variants) {
+  Names names = {kMeta};
+  for (const std::string& variant : variants) {
+    const VariantPlaces places = PlacesOfVariant(variant);
+    names.insert({places.robot_images, places.collision_index, places.raw_images});
+  }
+  return names;
+}
+
 std::string FormatValue() { return absl::StrCat(kFormatPrefix, kFormatVersion); }
 
 std::optional<int> FormatVersionIn(std::string_view value) {

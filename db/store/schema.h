@@ -22,9 +22,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "db/mask/configuration_grid.h"
 
@@ -78,6 +81,11 @@ inline constexpr std::string_view kDrawnKey = "drawn";
 // The text stays as the first databases have it, so that their variants are found.
 inline constexpr std::string_view kVariantsKey = "sets";
 inline constexpr std::string_view kGenerationKey = "generation";
+
+// All keys of `meta`, and all sub-databases, that a database with these variants may have.
+using Names = std::set<std::string, std::less<>>;
+Names KeysOfMeta(const std::vector<std::string>& variants);
+Names SubDatabases(const std::vector<std::string>& variants);
 
 // The value of "format" that this version writes.
 std::string FormatValue();

@@ -34,6 +34,7 @@ absl::StatusOr<Snapshot> Database::Read() const {
 absl::StatusOr<Snapshot> Database::StateOf(std::shared_ptr<const ReadTransaction> held) const {
   Environment& environment = *state_->environment;
   const auto hold = environment.HoldMap();
+  RETURN_IF_ERROR(CheckNames(environment, held->get()));
   ASSIGN_OR_RETURN(const uint64_t generation, ReadGeneration(environment, held->get()));
   MDB_stat images;
   const int code = mdb_stat(held->get(), state_->robot_images, &images);

@@ -176,10 +176,12 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path
     lock.emplace(std::move(taken));
   }
   ASSIGN_OR_RETURN(ReadTransaction transaction, environment->Read());
-  ASSIGN_OR_RETURN(const auto payload, [&] {
+  std::optional<std::string> payload;
+  {
     const auto hold = environment->HoldMap();
-    return ReadMeta(*environment, transaction.get(), schema::kCellKey);
-  }());
+    RETURN_IF_ERROR(CheckNames(*environment, transaction.get()));
+    ASSIGN_OR_RETURN(payload, ReadMeta(*environment, transaction.get(), schema::kCellKey));
+  }
   CellDescription cell;
   const bool parsed = payload && cell.ParseFromString(*payload);
   absl::StatusOr<std::shared_ptr<DatabaseState>> state = Describe(path, cell);
