@@ -49,18 +49,19 @@ std::vector<int> GatherColumns(Rows& matrix) {
 
 }  // namespace
 
-std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int height) {
-  const double x = std::clamp((pixel.x() + 0.5) / width, 0.0, 1.0) * (kFieldColumns - 1);
-  const double y = std::clamp((pixel.y() + 0.5) / height, 0.0, 1.0) * (kFieldRows - 1);
-  const int column = std::min(static_cast<int>(x), kFieldColumns - 2);
-  const int row = std::min(static_cast<int>(y), kFieldRows - 2);
-  const int knot = row * kFieldColumns + column;
+std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int height, int columns,
+                                 int rows) {
+  const double x = std::clamp((pixel.x() + 0.5) / width, 0.0, 1.0) * (columns - 1);
+  const double y = std::clamp((pixel.y() + 0.5) / height, 0.0, 1.0) * (rows - 1);
+  const int column = std::min(static_cast<int>(x), columns - 2);
+  const int row = std::min(static_cast<int>(y), rows - 2);
+  const int knot = row * columns + column;
   const double right = x - column;
   const double down = y - row;
   return {{{knot, (1 - right) * (1 - down)},
            {knot + 1, right * (1 - down)},
-           {knot + kFieldColumns, (1 - right) * down},
-           {knot + kFieldColumns + 1, right * down}}};
+           {knot + columns, (1 - right) * down},
+           {knot + columns + 1, right * down}}};
 }
 
 OwnFields FindOwnFields(const SolvedResiduals& solved, int freedom) {

@@ -23,7 +23,8 @@ struct KnotShare {
   int knot = 0;
   double share = 0;
 };
-std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int height);
+std::array<KnotShare, 4> KnotsAt(const Eigen::Vector2d& pixel, int width, int height,
+                                 int columns = kFieldColumns, int rows = kFieldRows);
 
 // A least-squares solve at its minimum. With J the derivatives of the residuals by its state, C =
 // (J'J)^-1.
@@ -34,7 +35,7 @@ struct SolvedResiduals {
   Rows by_field;  // the derivatives of the measurements, as weighted, by the fields' shifts
   Eigen::VectorXd residuals;
   // Rows whose errors may depend on each other in ways that are not the common field's: of the
-  // images of a placing, or of a pose. Rows of none do not count.
+  // images of a placing. Rows of none do not count.
   std::vector<std::vector<int>> clusters;
   // C X of any X; and some Y with Y'Y = X'C X where X has rows of the cluster's states only.
   std::function<Eigen::MatrixXd(const Eigen::MatrixXd& x)> covariance_times;

@@ -105,11 +105,11 @@ struct BundleStatistics {
 // Fills the covariances of cameras, of flanges and board poses, and the size sigmas.
 BundleStatistics FindCovariances(Bundle& bundle);
 
-// After FindCovariances: enlarges covariances and size sigmas where frames, each by itself, pull
-// the cameras farther apart than independent errors of their corners would: a frame's corners have
-// errors in common by blur, time, print and lens. Adds what errors do that all images of a camera
-// share (CommonField). FailedPrecondition: how large these errors are cannot be found.
-absl::Status EnlargeByCommonErrors(Bundle& bundle);
+// After FindCovariances: the covariances and size sigmas again, with errors that corners have in
+// common: those of one image, as by blur, time and print, and those of all images of a camera, as
+// its lens model lacks a term. The residuals tell how large they are (CovarianceByParts).
+// FailedPrecondition: the data do not determine all poses.
+absl::Status CountCommonErrors(Bundle& bundle);
 
 // The derivatives of a bundle's residuals, for its statistics.
 

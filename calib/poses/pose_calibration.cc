@@ -99,7 +99,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   if (bundle.free_sizes) RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckOutliers(bundle));
   ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
-  RETURN_IF_ERROR(EnlargeByCommonErrors(bundle));
+  RETURN_IF_ERROR(CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
   const NoiseFactors factors = noise.Factors(statistics);
   RETURN_IF_ERROR(CheckNoise(bundle, factors));

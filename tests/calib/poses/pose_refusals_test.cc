@@ -208,12 +208,12 @@ TEST(PoseRefusals, PosesWhoseUncertaintyCannotBeFoundAreRefused) {
   const PoseRig rig = FlangeRig(7, 1, 18);
   absl::StatusOr<PoseFit> fit = FitWithExactRobot(rig.problem);
   ASSERT_TRUE(fit.ok()) << fit.status();
-  EXPECT_TRUE(EnlargeByCommonErrors(fit->bundle).ok());
+  EXPECT_TRUE(CountCommonErrors(fit->bundle).ok());
   // One frame: the camera may be anywhere, with the board on the flange.
   const int flange = fit->bundle.corners.front().flange;
   std::erase_if(fit->bundle.corners,
                 [&](const BundleCorner& corner) { return corner.flange != flange; });
-  EXPECT_THAT(std::string(EnlargeByCommonErrors(fit->bundle).message()),
+  EXPECT_THAT(std::string(CountCommonErrors(fit->bundle).message()),
               HasSubstr("cannot be found, as the data hardly determine them"));
 }
 
