@@ -12,6 +12,7 @@
 #include "db/status/status_macros.h"
 #include "silhouette/local_space.h"
 #include "silhouette/path_watch.h"
+#include "silhouette/v1/database_service.pb.h"
 #include "tools/program/program.h"
 #include "tools/silhouette/commands.h"
 #include "tools/silhouette/formats/output.h"
