@@ -127,7 +127,7 @@ class GrpcRobotLink : public ControllerLink {
     }
   }
 
-  // A driver that was started anew may name its joints in another order.
+  // After a restart a driver may name its joints in another order.
   absl::Status CheckJoints() {
     grpc::ClientContext context;
     context.set_deadline(Deadline());
