@@ -52,9 +52,9 @@ struct Policy {
 int MinViews(const Policy& policy, int views);
 
 // Sound presets and separation: what all but this many of the views see as an obstacle stays,
-// however small it is (possible_space.h). Where the policy does not set it: 1, and of more than
-// four views so many that three suffice, since of more cameras the robot occludes more. At least
-// what the other presets permit with the same numbers. Throws as MinViews does.
+// however small it is (possible_space.h). Where the policy does not set it: 1; with n views, more
+// than four, n - 3, as the robot occludes an obstacle in more of them. At least what the other
+// presets permit with the same numbers. Throws as MinViews does.
 int MaxOccludedViews(const Policy& policy, int views);
 
 // Whether a preset needs epipolar lines; whether it needs the space of possible obstacles.
