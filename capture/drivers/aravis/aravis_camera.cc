@@ -20,6 +20,8 @@ namespace {
 constexpr auto kAravisCameraGone = absl::StatusCode::kUnavailable;
 // How long one look for an image takes at most.
 constexpr absl::Duration kLook = absl::Milliseconds(100);
+// How far two clocks may run apart, twice what crystals do.
+constexpr double kClockDrift = 4e-4;
 
 // The image in grey or blue, green, red. Internal: its pixels are of no format that was asked for.
 absl::StatusOr<cv::Mat> Pixels(ArvBuffer* buffer) {
@@ -143,7 +145,9 @@ class GenicamCamera : public CameraSource {
     const absl::Time arrived =
         absl::FromUnixNanos(static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer)));
     const bool software = source_.trigger == CameraTrigger::kSoftware;
-    if (arrived < (software ? asked_ : asked_ + source_.latency)) return std::nullopt;
+    const absl::Time taken =
+        software ? arrived : arrived - source_.latency - LagOf(buffer, arrived);
+    if (taken < asked_) return std::nullopt;
     if (status == ARV_BUFFER_STATUS_SIZE_MISMATCH) {
       return absl::DataLossError("it sends larger images than it was set to");
     }
@@ -153,7 +157,20 @@ class GenicamCamera : public CameraSource {
           "(sysctl net.core.rmem_max) or state a smaller packet_size");
     }
     ASSIGN_OR_RETURN(const auto pixels, Pixels(buffer));
-    return CameraImageOf(pixels, software ? asked_ : arrived - source_.latency);
+    return CameraImageOf(pixels, software ? asked_ : taken);
+  }
+
+  // How long the image was held up on its way: its delay by the camera's own clock, beyond the
+  // least of all images. 0 if the camera has no clock.
+  absl::Duration LagOf(ArvBuffer* buffer, absl::Time arrived) {
+    const guint64 camera_time = arv_buffer_get_timestamp(buffer);
+    if (camera_time == 0) return absl::ZeroDuration();
+    const absl::Duration now = RunningNow();
+    const absl::Duration delay = now - (absl::Now() - arrived) - absl::Nanoseconds(camera_time);
+    if (!least_) least_ = Delay{delay, now};
+    const absl::Duration drifted = least_->delay + kClockDrift * (now - least_->at);
+    if (delay <= drifted) least_ = Delay{delay, now};
+    return std::max(delay - drifted, absl::ZeroDuration());
   }
 
   // Throws away all that is under way.
@@ -161,6 +178,7 @@ class GenicamCamera : public CameraSource {
     absl::Status status = Call(kAravisCameraGone, arv_camera_stop_acquisition, camera_.get());
     status.Update(Call(kAravisCameraGone, arv_camera_start_acquisition, camera_.get()));
     overdue_ = false;
+    least_.reset();
     if (status.ok()) return status;
     lost_ = true;
     return Lost();
@@ -174,6 +192,7 @@ class GenicamCamera : public CameraSource {
     stream_.reset();
     camera_.reset();
     overdue_ = false;
+    least_.reset();
   }
 
   const std::vector<std::string> views_;
@@ -183,7 +202,14 @@ class GenicamCamera : public CameraSource {
   CameraHandle camera_;  // null: the connection was lost
   StreamHandle stream_;
   std::atomic<bool> lost_ = false;  // set by Aravis' thread
-  bool overdue_ = false;            // an image that was asked for may come late
+  // The least delay of an image by the camera's clock, of an unknown zero, and when it was
+  // measured.
+  struct Delay {
+    absl::Duration delay;
+    absl::Duration at;  // running clock
+  };
+  std::optional<Delay> least_;
+  bool overdue_ = false;  // an image that was asked for may come late
   absl::Time asked_;
 };
 

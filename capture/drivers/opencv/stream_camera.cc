@@ -16,8 +16,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/arrivals.h"
 #include "capture/devices/running_clock.h"
-#include "capture/drivers/opencv/arrivals.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
 
@@ -37,7 +37,6 @@ class StreamCamera : public CameraSource {
       : views_{view},
         latency_(latency),
         timeout_(timeout),
-        arrivals_(latency),
         stream_(std::move(stream)),
         open_(std::move(open)),
         reader_([this] { ReadAll(); }) {}
@@ -85,11 +84,13 @@ class StreamCamera : public CameraSource {
         continue;
       }
       const absl::Time arrived = absl::Now();
-      if (!Wanted(RunningNow())) continue;
+      arrivals_.Note(RunningNow());
+      const absl::Duration late = latency_ + arrivals_.lag();
+      if (!Wanted(RunningNow() - late)) continue;
       cv::Mat image;
       if (!stream_.retrieve(image) || image.depth() != CV_8U) continue;
       const std::lock_guard lock(mutex_);
-      image_ = CameraImageOf(image, arrived - latency_);
+      image_ = CameraImageOf(image, arrived - late);
       changed_.notify_all();
     }
   }
@@ -99,11 +100,10 @@ class StreamCamera : public CameraSource {
     return stopping_;
   }
 
-  // Whether an image that comes now may be the one that is waited for.
-  bool Wanted(absl::Duration now) {
+  // Whether an image that was taken at `taken` or later is the one that is waited for.
+  bool Wanted(absl::Duration taken) {
     const std::lock_guard lock(mutex_);
-    arrivals_.Note(now);
-    return asked_ && !image_ && now >= *asked_ + latency_ && now >= arrivals_.late_until();
+    return asked_ && !image_ && taken >= *asked_;
   }
 
   void Reopen() {
