@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/lateness.h"
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/aravis/aravis_device.h"
 #include "capture/drivers/opencv/opencv_camera.h"
@@ -20,8 +21,6 @@ namespace {
 constexpr auto kAravisCameraGone = absl::StatusCode::kUnavailable;
 // How long one look for an image takes at most.
 constexpr absl::Duration kLook = absl::Milliseconds(100);
-// How far two clocks may run apart, twice what crystals do.
-constexpr double kClockDrift = 4e-4;
 
 // The image in grey or blue, green, red. Internal: its pixels are of no format that was asked for.
 absl::StatusOr<cv::Mat> Pixels(ArvBuffer* buffer) {
@@ -146,7 +145,7 @@ class GenicamCamera : public CameraSource {
         absl::FromUnixNanos(static_cast<int64_t>(arv_buffer_get_system_timestamp(buffer)));
     const bool software = source_.trigger == CameraTrigger::kSoftware;
     const absl::Time taken =
-        software ? arrived : arrived - source_.latency - LagOf(buffer, arrived);
+        software ? arrived : arrived - source_.latency - LateBy(buffer, arrived);
     if (taken < asked_) return std::nullopt;
     if (status == ARV_BUFFER_STATUS_SIZE_MISMATCH) {
       return absl::DataLossError("it sends larger images than it was set to");
@@ -160,17 +159,11 @@ class GenicamCamera : public CameraSource {
     return CameraImageOf(pixels, software ? asked_ : taken);
   }
 
-  // How long the image was held up on its way: its delay by the camera's own clock, beyond the
-  // least of all images. 0 if the camera has no clock.
-  absl::Duration LagOf(ArvBuffer* buffer, absl::Time arrived) {
-    const guint64 camera_time = arv_buffer_get_timestamp(buffer);
-    if (camera_time == 0) return absl::ZeroDuration();
-    const absl::Duration now = RunningNow();
-    const absl::Duration delay = now - (absl::Now() - arrived) - absl::Nanoseconds(camera_time);
-    if (!least_) least_ = Delay{delay, now};
-    const absl::Duration drifted = least_->delay + kClockDrift * (now - least_->at);
-    if (delay <= drifted) least_ = Delay{delay, now};
-    return std::max(delay - drifted, absl::ZeroDuration());
+  // How long the image was held up on its way; 0 if the camera has no clock.
+  absl::Duration LateBy(ArvBuffer* buffer, absl::Time arrived) {
+    const guint64 sent = arv_buffer_get_timestamp(buffer);
+    if (sent == 0) return absl::ZeroDuration();
+    return lateness_.Of(absl::Nanoseconds(sent), RunningNow() - (absl::Now() - arrived));
   }
 
   // Throws away all that is under way.
@@ -178,7 +171,7 @@ class GenicamCamera : public CameraSource {
     absl::Status status = Call(kAravisCameraGone, arv_camera_stop_acquisition, camera_.get());
     status.Update(Call(kAravisCameraGone, arv_camera_start_acquisition, camera_.get()));
     overdue_ = false;
-    least_.reset();
+    lateness_ = {};
     if (status.ok()) return status;
     lost_ = true;
     return Lost();
@@ -192,7 +185,7 @@ class GenicamCamera : public CameraSource {
     stream_.reset();
     camera_.reset();
     overdue_ = false;
-    least_.reset();
+    lateness_ = {};
   }
 
   const std::vector<std::string> views_;
@@ -202,13 +195,7 @@ class GenicamCamera : public CameraSource {
   CameraHandle camera_;  // null: the connection was lost
   StreamHandle stream_;
   std::atomic<bool> lost_ = false;  // set by Aravis' thread
-  // The least delay of an image by the camera's clock, of an unknown zero, and when it was
-  // measured.
-  struct Delay {
-    absl::Duration delay;
-    absl::Duration at;  // running clock
-  };
-  std::optional<Delay> least_;
+  Lateness lateness_;
   bool overdue_ = false;  // an image that was asked for may come late
   absl::Time asked_;
 };

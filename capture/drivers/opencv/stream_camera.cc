@@ -15,8 +15,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/clock.h"
-#include "capture/devices/arrivals.h"
+#include "capture/devices/lateness.h"
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "db/status/status_macros.h"
@@ -24,6 +25,8 @@
 namespace silhouette {
 namespace {
 
+// How much later than `latency` an image may be without being late.
+constexpr absl::Duration kInTime = absl::Milliseconds(100);
 // Between two attempts to open a stream again.
 constexpr std::chrono::milliseconds kReopenPause(500);
 
@@ -37,8 +40,8 @@ class StreamCamera : public CameraSource {
       : views_{view},
         latency_(latency),
         timeout_(timeout),
-        stream_(std::move(stream)),
         open_(std::move(open)),
+        stream_(std::move(stream)),
         reader_([this] { ReadAll(); }) {}
 
   ~StreamCamera() override {
@@ -80,17 +83,23 @@ class StreamCamera : public CameraSource {
   void ReadAll() {
     while (!stopping()) {
       if (!stream_.grab()) {
-        Reopen();
+        Reopen("its images ended");
         continue;
       }
       const absl::Time arrived = absl::Now();
-      arrivals_.Note(RunningNow());
-      const absl::Duration late = latency_ + arrivals_.lag();
-      if (!Wanted(RunningNow() - late)) continue;
+      const absl::Duration now = RunningNow();
+      const absl::Duration late = Late(now);
+      if (late <= latency_ + kInTime) {
+        in_time_ = now;
+      } else if (now - in_time_ > timeout_) {
+        Reopen("its images come late");
+        continue;
+      }
+      if (!Wanted(now - latency_ - late)) continue;
       cv::Mat image;
       if (!stream_.retrieve(image) || image.depth() != CV_8U) continue;
       const std::lock_guard lock(mutex_);
-      image_ = CameraImageOf(image, arrived - late);
+      image_ = CameraImageOf(image, arrived - latency_ - late);
       changed_.notify_all();
     }
   }
@@ -100,14 +109,20 @@ class StreamCamera : public CameraSource {
     return stopping_;
   }
 
+  // How long the image that was read last was held up; 0 if the stream has no times.
+  absl::Duration Late(absl::Duration now) {
+    const double sent = stream_.get(cv::CAP_PROP_POS_MSEC);
+    return sent > 0 ? lateness_.Of(absl::Milliseconds(sent), now) : absl::ZeroDuration();
+  }
+
   // Whether an image that was taken at `taken` or later is the one that is waited for.
   bool Wanted(absl::Duration taken) {
     const std::lock_guard lock(mutex_);
     return asked_ && !image_ && taken >= *asked_;
   }
 
-  void Reopen() {
-    Tell(absl::UnavailableError("its images ended; it is being opened again"));
+  void Reopen(absl::string_view why) {
+    Tell(absl::UnavailableError(absl::StrCat(why, "; it is being opened again")));
     stream_.release();
     for (;;) {
       const absl::Status status = open_(stream_);
@@ -116,6 +131,8 @@ class StreamCamera : public CameraSource {
       std::unique_lock lock(mutex_);
       if (changed_.wait_for(lock, kReopenPause, [&] { return stopping_; })) return;
     }
+    lateness_ = {};
+    in_time_ = RunningNow();
     Tell(absl::OkStatus());
   }
 
@@ -128,9 +145,12 @@ class StreamCamera : public CameraSource {
   const std::vector<std::string> views_;
   const absl::Duration latency_;
   const absl::Duration timeout_;
-  Arrivals arrivals_;        // of the reader alone
-  cv::VideoCapture stream_;  // of the reader alone
   const Open open_;
+
+  // Of the reader alone.
+  Lateness lateness_;
+  absl::Duration in_time_ = RunningNow();  // when the last image came that was not late
+  cv::VideoCapture stream_;
 
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;

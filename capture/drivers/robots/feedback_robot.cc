@@ -60,7 +60,6 @@ void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   silence_told_ = false;
   newest_ = feedback;
   newest_time_ = now;
-  arrivals_.Note(now);
   link_failure_ = absl::OkStatus();
   if (feedback.positions.size() == names_.size()) {
     stillness_.Add(newest_time_, feedback.positions);
@@ -189,7 +188,7 @@ absl::StatusOr<RobotState> FeedbackRobot::State() {
   ASSIGN_OR_RETURN(RobotFeedback newest, Newest(lock));
   return RobotState{.positions = std::move(newest.positions),
                     .moving = newest.moving.value_or(false) || stillness_.moving(),
-                    .not_before = newest.not_before.value_or(newest_time_ - arrivals_.lag())};
+                    .not_before = newest.not_before.value_or(newest_time_)};
 }
 
 absl::Status FeedbackRobot::Stop() {

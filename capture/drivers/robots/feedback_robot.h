@@ -17,7 +17,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "capture/devices/arrivals.h"
 #include "capture/devices/devices.h"
 #include "capture/drivers/robots/motion_watch.h"
 
@@ -94,10 +93,9 @@ class FeedbackRobot : public Robot {
   std::mutex mutex_;  // guards all below but link_
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
-  absl::Duration newest_time_;  // of its arrival, running clock
-  Arrivals arrivals_;
-  absl::Duration untold_gap_;  // a past silence that no call has reported yet; 0: none
-  bool silence_told_ = false;  // of the one that goes on
+  absl::Duration newest_time_;  // running clock
+  absl::Duration untold_gap_;   // a past silence that no call has reported yet; 0: none
+  bool silence_told_ = false;   // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
   std::optional<MotionWatch> move_;  // under way

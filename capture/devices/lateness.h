@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lateness: how long what a device sends was held up on its way, by the device's own clock.
+#pragma once
+
+#include <algorithm>
+#include <optional>
+
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// A network or a machine that stands still, or is too slow, delivers images late that carry the
+// times at which they were taken. The device's clock may begin anywhere. A plain value.
+class Lateness {
+ public:
+  // `sent`: by the device's clock; `arrived`: by the running clock. How much longer it was under
+  // way than the quickest so far, beyond what the clocks may have run apart.
+  absl::Duration Of(absl::Duration sent, absl::Duration arrived) {
+    const absl::Duration delay = arrived - sent;
+    if (least_) *least_ += kDrift * std::max(arrived - last_, absl::ZeroDuration());
+    last_ = arrived;
+    least_ = std::min(least_.value_or(delay), delay);
+    return delay - *least_;
+  }
+
+ private:
+  // Of a clock that is slewed (NTP: 500 ppm at most), against another one.
+  static constexpr double kDrift = 1e-3;
+
+  std::optional<absl::Duration> least_;  // delay, of unknown zero
+  absl::Duration last_;                  // arrival
+};
+
+}  // namespace silhouette
