@@ -322,4 +322,16 @@ MaskWords TestRobot::Words(int view, std::span<uint64_t> room) const {
   return room.first(count);
 }
 
+std::string WhyNoMotionShows(const std::string& view, const Mask& any, const Mask& every,
+                             uint64_t images) {
+  constexpr uint64_t kMany = 10;  // fewer may be neighbours, with the same masks
+  const bool empty = any.Count() == 0;
+  if (images == 0 || (!empty && (images < kMany || any != every))) return "";
+  return "the view '" + view + "' shows " +
+         (empty ? "no robot in any" : "the robot in the same pixels in each") + " of " +
+         std::to_string(images) +
+         " robot images, so that no obstacle there would count: aim the camera at the robot and "
+         "capture again, import the right masks, or leave the view out of the cell";
+}
+
 }  // namespace silhouette

@@ -217,4 +217,10 @@ class TestRobot {
   std::vector<uint64_t> read_;
 };
 
+// Why a view cannot show where the robot is, in one sentence; empty: it can. `any`: what the robot
+// covers in it in any of `images` captured configurations; `every`: what it covers in each. Such a
+// view would decide against every obstacle.
+std::string WhyNoMotionShows(const std::string& view, const Mask& any, const Mask& every,
+                             uint64_t images);
+
 }  // namespace silhouette

@@ -107,6 +107,18 @@ absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
   return LoadIntoMemory(database, *snapshot, settings, joints);
 }
 
+absl::Status CheckMotionShown(const Database& database, const RobotImageTable& images) {
+  const uint64_t captured = images.Count(RobotImageState::kPresent);
+  for (int view = 0; view < images.views(); ++view) {
+    const std::string fault = WhyNoMotionShows(
+        database.cell().views(view).name(), images.covered(view), images.permanent(view), captured);
+    if (!fault.empty()) {
+      return absl::FailedPreconditionError(absl::StrCat("'", database.path(), "': ", fault));
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::vector<Reference>> LoadReferences(const Database& database,
                                                       const Snapshot& snapshot) {
   ASSIGN_OR_RETURN(const std::optional<storage::v1::References> stored, snapshot.References());
@@ -290,6 +302,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     ASSIGN_OR_RETURN(index, LoadDrawnIndex(std::move(snapshot), *load.drawn, *robot_images.drawn(),
                                            index_unused));
   } else if (!load.drawn) {
+    RETURN_IF_ERROR(CheckMotionShown(database, robot_images));
     RETURN_IF_ERROR(CheckCaptured(database, *snapshot));
     ASSIGN_OR_RETURN(index, LoadIndex(std::move(snapshot)));
   }

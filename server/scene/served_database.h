@@ -92,8 +92,9 @@ class ServedDatabase {
   // (SoundBasis::Make) or `load.drawn` (DrawnRobotOf) cannot be. FailedPrecondition: robot images
   // are to be drawn, and there are no camera models, or several variants (but for those that have
   // the images of nodes of an arm); or captured ones are to be served, and those that are stored
-  // were drawn. `sound`: what the sound presets are served with, where the calibration has camera
-  // models; nothing: they are not served.
+  // were drawn, or a view does not show the robot's motion (WhyNoMotionShows). `sound`: what the
+  // sound presets are served with, where the calibration has camera models; nothing: they are not
+  // served.
   static absl::StatusOr<std::shared_ptr<const ServedDatabase>> Load(
       const Database& database, const CalibrationSettings& settings = {},
       const TreatmentSettings& treatments = {},

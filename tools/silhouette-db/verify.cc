@@ -11,6 +11,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/fixed_joints.h"
+#include "server/collision/robot_image_table.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -130,9 +131,36 @@ class FixedJointCheck {
   std::vector<ConfigurationNumber> numbers_;
 };
 
+// Whether every view shows the robot's motion.
+class MotionCheck {
+ public:
+  void Take(const RobotImage& image) {
+    if (image.excluded) return;
+    if (images_++ == 0) any_ = every_ = image.masks;
+    for (size_t view = 0; view < any_.size(); ++view) {
+      any_[view] = any_[view] | image.masks[view];
+      every_[view] = every_[view] & image.masks[view];
+    }
+  }
+
+  void Report(const storage::v1::CellDescription& cell, Findings& findings) const {
+    for (size_t view = 0; view < any_.size(); ++view) {
+      std::string fault = WhyNoMotionShows(cell.views(static_cast<int>(view)).name(), any_[view],
+                                           every_[view], images_);
+      if (!fault.empty()) findings.faults.push_back(std::move(fault));
+    }
+  }
+
+ private:
+  uint64_t images_ = 0;
+  std::vector<Mask> any_, every_;  // per view
+};
+
 // Reads every record, and compares the collision index with them.
-absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& index,
+absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
                          FixedJointCheck& fixed_joints, Findings& findings) {
+  const ConfigurationGrid& grid = database.grid();
+  MotionCheck motion;
   Progress progress("verify", index.snapshot().size(), "records");
   IndexCheck index_check(index);
   uint64_t done = 0;
@@ -145,6 +173,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
     } else {
       image->excluded ? ++findings.excluded : ++findings.captured;
       fixed_joints.Take(*image);
+      motion.Take(*image);
       if (ShowsNoRobot(*image)) without_robot.push_back(number);
     }
     index_check.Take(number, image);
@@ -154,6 +183,7 @@ absl::Status ReadRecords(const ConfigurationGrid& grid, const CollisionIndex& in
   const absl::Status status = index.snapshot().ForEach(visit);
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
   fixed_joints.Report(findings);
+  motion.Report(database.cell(), findings);
   if (!without_robot.empty()) {
     findings.faults.push_back(absl::StrCat(
         "robot images without a pixel of the robot in any view, which no obstacle can meet: ",
@@ -242,7 +272,7 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
                                            Counted(findings.index.damaged, "tile"), " is damaged"));
   }
   FixedJointCheck fixed_joints(database.cell(), options.fixed_joint_tolerance);
-  RETURN_IF_ERROR(ReadRecords(database.grid(), *index, fixed_joints, findings));
+  RETURN_IF_ERROR(ReadRecords(database, *index, fixed_joints, findings));
   RETURN_IF_ERROR(ReadRawImages(database.cell(), snapshot, findings));
   CheckCompleteness(database.grid(), snapshot, options.allow_missing, findings);
   for (std::string& fault : findings.faults) {

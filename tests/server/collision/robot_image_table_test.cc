@@ -76,6 +76,17 @@ TEST(RobotImageTable, WithoutImagesNoPixelIsPermanent) {
   EXPECT_TRUE(RobotImageTable::Builder(Grid(), kSizes).Build().permanent(1).Empty());
 }
 
+TEST(RobotImageTable, ViewThatIsEmptyOrAlwaysTheSameShowsNoMotion) {
+  const Mask some = Mask::FromPredicate(kSizes[0], [](int x, int) { return x == 1; });
+  const Mask more = Mask::FromPredicate(kSizes[0], [](int x, int) { return x <= 1; });
+  const Mask none(kSizes[0]);
+  EXPECT_NE(WhyNoMotionShows("left", none, none, 1), "");
+  EXPECT_NE(WhyNoMotionShows("left", some, some, 10), "");
+  EXPECT_EQ(WhyNoMotionShows("left", some, some, 9), "") << "they may be neighbours";
+  EXPECT_EQ(WhyNoMotionShows("left", more, some, 10), "");
+  EXPECT_EQ(WhyNoMotionShows("left", none, none, 0), "") << "nothing is captured";
+}
+
 TEST(RobotImageTable, WrongMasksAreRefused) {
   const ConfigurationGrid grid = Grid();
   RobotImageTable::Builder builder(grid, kSizes);

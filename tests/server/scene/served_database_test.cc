@@ -40,6 +40,27 @@ TEST(ServedDatabase, MarksWhatIsMissingExcludedOrFailsItsChecksum) {
   EXPECT_EQ(database->robot_images().Count(RobotImageState::kPresent), 37u);
 }
 
+TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db");
+  {
+    const auto database = Database::Open(folder / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    for (int a = 0; a < 5; ++a) {
+      for (int b = 0; b < 8; ++b) {
+        RobotImage image = TestRobotImage((*database)->grid(), a, b);
+        image.masks[1] = Mask(image.masks[1].size());
+        ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+      }
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const auto database = Database::Open(folder / "db", Database::Access::kRead);
+  const absl::Status status = ServedDatabase::Load(**database).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status));
+  EXPECT_THAT(status.message(), HasSubstr("shows no robot in any of 40 robot images"));
+}
+
 TEST(ServedDatabase, IsNotTouchedByWhatIsWrittenAfterwards) {
   const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db", {.missing = {{0, 7}}});

@@ -126,6 +126,26 @@ TEST_F(SilhouetteDb, VerifyTellsRobotImagesThatShowNoRobot) {
                                   "meet: 1, the first at axis_1 = "));
 }
 
+TEST_F(SilhouetteDb, VerifyTellsViewsThatNeverShowTheRobot) {
+  MakeDatabase("db");
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    const ConfigurationGrid& grid = (*database)->grid();
+    for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+      if (!grid.Contains(number)) continue;
+      RobotImage image = TestImage(**database, number);
+      image.excluded = false;
+      image.masks[1] = Mask(image.masks[1].size());
+      ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    }
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Ended text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.out, HasSubstr("shows no robot in any of "));
+}
+
 TEST_F(SilhouetteDb, IndexIsBuiltToldAndVerified) {
   MakeDatabase("db");
   EXPECT_THAT(Run("info db").out,
