@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <stdexcept>
 #include <string>
 
@@ -70,10 +71,14 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
   // A voxel that only touches the workspace from outside has no part in it.
   const Eigen::AlignedBox3d inner = WithRoom(workspace, -kTouching * grid_.edge());
   FindActiveBlocks(views, inner);
+  std::vector<std::future<void>> looking;
   for (size_t view = 0; view < views.size(); ++view) {
-    VoxelLooker looker(views[view], grid_, least_obstacle_, looks_[view]);
-    for (const Block& block : active_) looker.Append(block);
+    looking.push_back(std::async(std::launch::async, [&, view] {
+      VoxelLooker looker(views[view], grid_, least_obstacle_, looks_[view]);
+      for (const Block& block : active_) looker.Append(block);
+    }));
   }
+  for (std::future<void>& looked : looking) looked.get();
   FindReached(views, inner);
 }
 

@@ -347,6 +347,11 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
   LoadSettings load = LoadSettingsOf(cell);
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
+  spdlog::info("loading '{}'{}", path,
+               sound ? absl::StrFormat(", with voxels of %.3f m for the sound presets: with small "
+                                       "ones this takes up to a minute",
+                                       sound->VoxelEdge())
+                     : "");
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
   if ((*served)->unverified_model() && !unverified) {

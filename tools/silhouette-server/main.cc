@@ -78,7 +78,8 @@ struct Options {
 
 // The program's signals, taken by a thread of its own: none waits until other work is done. After
 // SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it with exit code
-// 3, whatever hangs: a device, a disk, the log. A second signal ends it at once. Thread-safe.
+// 3, whatever hangs: a device, a disk, the log. A second signal ends it at once, as the first one
+// does while the database is loaded. Thread-safe.
 class Signals {
  public:
   // Before any thread is started, so that all leave the signals to this. To be kept until the
@@ -88,6 +89,12 @@ class Signals {
     for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&awaited_, signal);
     pthread_sigmask(SIG_BLOCK, &awaited_, nullptr);
     std::thread([this] { Take(); }).detach();
+  }
+
+  // From now on something must be ended.
+  void Loaded() {
+    const std::lock_guard lock(mutex_);
+    loading_ = false;
   }
 
   // Waits. True: SIGHUP came, once or more often; false: the program is to end.
@@ -103,6 +110,7 @@ class Signals {
     while (signal == SIGHUP) {
       if (sigwait(&awaited_, &signal) != 0) continue;
       const std::lock_guard lock(mutex_);
+      if (signal != SIGHUP && loading_) std::_Exit(0);
       (signal == SIGHUP ? reloading_ : ending_) = true;
       changed_.notify_all();
     }
@@ -121,6 +129,7 @@ class Signals {
   sigset_t awaited_;
   std::mutex mutex_;
   std::condition_variable changed_;
+  bool loading_ = true;
   bool reloading_ = false;
   bool ending_ = false;
 };
@@ -266,6 +275,7 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
     cell.choose_preset = false;
   }
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
+  signals.Loaded();
   ServingSettings settings;
   settings.policy = cell.policy;
   settings.choose_preset = cell.choose_preset;
@@ -290,6 +300,7 @@ absl::Status Serve(const Options& options, Signals& signals) {
   RETURN_IF_ERROR(CheckGate(listen, cell.server.gate));
   const std::string& path = cell.database;
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
+  signals.Loaded();
 
   ServingSettings settings;
   settings.policy = cell.policy;
