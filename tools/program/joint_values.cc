@@ -56,10 +56,13 @@ double ParseJointValue(std::string_view text, AngleUnit unit, std::optional<bool
   return degrees ? value * std::numbers::pi / 180 : value;
 }
 
-std::vector<double> ParseConfiguration(std::string_view text) {
+std::vector<double> ParseConfiguration(std::string_view text,
+                                       std::span<const std::optional<bool>> slides) {
   std::vector<double> values;
   for (const absl::string_view part : absl::StrSplit(View(text), ',')) {
-    values.push_back(ParseJointValue({part.data(), part.size()}));
+    const bool known = values.size() < slides.size();
+    values.push_back(ParseJointValue({part.data(), part.size()}, AngleUnit::kRadians,
+                                     known ? slides[values.size()] : std::nullopt));
   }
   return values;
 }

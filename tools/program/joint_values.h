@@ -27,8 +27,10 @@ bool StatesUnit(std::string_view text);
 double ParseJointValue(std::string_view text, AngleUnit unit = AngleUnit::kRadians,
                        std::optional<bool> slides = std::nullopt);
 
-// "0.5,-30deg": values separated by commas. Throws as ParseJointValue does.
-std::vector<double> ParseConfiguration(std::string_view text);
+// "0.5,-30deg": values separated by commas. `slides`: of each joint. Throws as ParseJointValue
+// does.
+std::vector<double> ParseConfiguration(std::string_view text,
+                                       std::span<const std::optional<bool>> slides = {});
 
 // "joint_1=0.5": a name and a value. Throws as ParseJointValue does.
 std::pair<std::string, double> ParseJoint(std::string_view text,

@@ -4,7 +4,6 @@
 #include <memory>
 
 #include "db/status/status_macros.h"
-#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-sim/commands.h"
 #include "tools/silhouette-sim/workplace.h"
@@ -18,11 +17,11 @@ struct ContactArguments {
 };
 
 absl::StatusOr<ExitCode> RunContact(const ContactArguments& arguments) {
+  ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
   std::vector<std::vector<double>> configurations;
   for (const std::string& text : arguments.configurations) {
-    configurations.push_back(ParseConfiguration(text));
+    configurations.push_back(workplace.Parse(text));
   }
-  ASSIGN_OR_RETURN(const Workplace workplace, LoadWorkplace(arguments.workplace));
   const ContactChecker checker(workplace.robot, workplace.obstacles);
   nlohmann::ordered_json results = nlohmann::ordered_json::array();
   int contacts = 0;

@@ -44,12 +44,13 @@ absl::StatusOr<std::map<std::string, double>> JointValues(const RenderArguments&
   std::map<std::string, double> values;
   for (const FixedJoint& joint : workplace.cell.fixed_joints) values[joint.name] = joint.position;
   if (!configuration_text.empty()) {
-    const std::vector<double> configuration = ParseConfiguration(configuration_text);
+    const std::vector<double> configuration = workplace.Parse(configuration_text);
     RETURN_IF_ERROR(workplace.Positions(configuration).status());
     for (size_t j = 0; j < grid.size(); ++j) values[grid[j].name] = configuration[j];
   }
   for (const std::string& text : arguments.joints) {
-    const auto [name, value] = ParseJoint(text);
+    const std::string joint = text.substr(0, text.find('='));
+    const auto [name, value] = ParseJoint(text, AngleUnit::kRadians, workplace.Slides(joint));
     values[name] = value;
   }
   for (const GridJoint& joint : grid) {

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "db/status/status_macros.h"
+#include "tools/program/joint_values.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -23,6 +24,17 @@ void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool 
                   "simulation)")
       ->capture_default_str();
   AddFormatOption(command, arguments.format);
+}
+
+std::vector<double> Workplace::Parse(std::string_view configuration) const {
+  std::vector<std::optional<bool>> slides;
+  for (const GridJoint& joint : cell.grid.joints()) slides.push_back(Slides(joint.name));
+  return ParseConfiguration(configuration, slides);
+}
+
+std::optional<bool> Workplace::Slides(const std::string& joint) const {
+  const auto found = cell.joint_slides.find(joint);
+  return found != cell.joint_slides.end() ? std::optional(found->second) : std::nullopt;
 }
 
 absl::StatusOr<std::vector<double>> Workplace::Positions(

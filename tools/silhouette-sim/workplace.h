@@ -5,8 +5,10 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -37,6 +39,11 @@ struct Workplace {
   RobotModel robot;  // with what it carries
   std::vector<Obstacle> obstacles;
   Poses obstacle_poses;  // at the time asked for
+
+  // "0.5,-30deg,0.2m": a configuration of the grid. Throws as ParseJointValue does.
+  std::vector<double> Parse(std::string_view configuration) const;
+  // Whether the joint slides, if the cell knows it.
+  std::optional<bool> Slides(const std::string& joint) const;
 
   // The values of all joints of the robot for a configuration of the grid. InvalidArgument: wrong
   // number of values, or beyond the robot's limits.

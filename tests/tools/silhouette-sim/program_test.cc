@@ -132,6 +132,16 @@ TEST_F(SimProgram, ContactTellsEachConfiguration) {
   EXPECT_EQ(json["configurations"][1]["distance"], 0);
 }
 
+TEST_F(SimProgram, LengthIsRefusedForAJointThatTurns) {
+  for (const std::string command : {"contact", "render"}) {
+    const Outcome outcome =
+        RunInCell(command, "--configuration -1.5m,0" +
+                               (command == "render" ? " --out " + (folder_ / "out").string() : ""));
+    EXPECT_EQ(outcome.exit_code, 2) << command;
+    EXPECT_THAT(outcome.err, HasSubstr("'-1.5m' is a length, but the joint turns"));
+  }
+}
+
 TEST_F(SimProgram, ContactKnowsWhatTheRobotCarries) {
   // Beyond the arm's reach: the tool is nearest, and with the part that is.
   WriteFile(folder_ / "scene.yaml",
