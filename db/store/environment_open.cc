@@ -98,8 +98,9 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string
     return LmdbError(errno, absl::StrCat("'", data, "' cannot be read"));
   }
   if (file.st_size == 0) {
-    return absl::NotFoundError(
-        absl::StrCat("there is no database in '", folder, "': making it was interrupted"));
+    return absl::NotFoundError(absl::StrCat("there is no database in '", folder, "': '", data,
+                                            "' is empty, as if making it was interrupted; if "
+                                            "it held data, restore it from a copy"));
   }
   Registry& registry = TheRegistry();
   std::unique_lock lock(registry.mutex);

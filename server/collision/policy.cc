@@ -16,7 +16,7 @@ int MinViews(const Policy& policy, int views) {
     }
     return *policy.min_views;
   }
-  const int max_occluded_views = policy.max_occluded_views.value_or(1);
+  const int max_occluded_views = policy.max_occluded_views.value_or(kOccludedViews);
   if (max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
   }

@@ -39,12 +39,14 @@ struct Policy {
   // Occupied if at least this many views show an obstacle; set, it overrides the preset.
   std::optional<int> min_views = std::nullopt;
   // In how many views the robot may occlude an obstacle. kUncalibrated: min_views is max(1, views -
-  // max_occluded_views), 1 where it is not set. Sound presets: MaxOccludedViews().
+  // max_occluded_views), kOccludedViews where it is not set. Sound presets: MaxOccludedViews().
   std::optional<int> max_occluded_views = std::nullopt;
   OffGrid off_grid = OffGrid::kCell;
 
   bool operator==(const Policy&) const = default;
 };
+
+constexpr int kOccludedViews = 1;
 
 // The number of views that must show an obstacle, 1 to `views`, the number of views that the
 // database was built with. Throws std::invalid_argument if the policy cannot be: min_views outside

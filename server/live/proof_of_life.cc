@@ -209,9 +209,9 @@ absl::Status ProofOfLife::JudgeMotion(size_t view, const RobotCover& robot, cons
   }
   known.least_changed = std::max<size_t>(1, static_cast<size_t>(std::ceil(least_changed)));
   known.still = absl::DataLossError(absl::StrFormat(
-      "the camera is frozen: the robot moved, and %d pixels changed where it was or is, less than "
-      "least_change, %g, of the %d compared where it is; restart the camera, and move something in "
-      "its view",
+      "the camera is frozen, or the robot did not move as its driver reports: %d pixels changed "
+      "where it was or is, less than least_change, %g, of the %d compared where it is; restart the "
+      "camera and move something in its view, or mend the driver",
       changed, settings_.least_change, there.pixels));
   return known.still;
 }

@@ -73,7 +73,7 @@ void ToMessage(const Policy& policy, v1::Policy* message) {
   // Also beside min_views: it counts for requests that name the preset. With the other presets a
   // request must not have it, and what is returned here can be asked for.
   if (policy.preset == Preset::kUncalibrated) {
-    message->set_max_occluded_views(policy.max_occluded_views.value_or(1));
+    message->set_max_occluded_views(policy.max_occluded_views.value_or(kOccludedViews));
   }
   message->set_off_grid(policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
                                                           : v1::OFF_GRID_NEAREST);
