@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <utility>
 
+#include "db/mask/wider_vectors.h"
+
 namespace silhouette {
 namespace {
+
+using Four [[gnu::vector_size(32)]] = double;
 
 constexpr double kMostTurned = 1e6;
 
@@ -16,18 +21,29 @@ bool IsFinite(const ChainLink& link) {
          std::isfinite(link.factor) && std::isfinite(link.offset);
 }
 
-// a * b. Eigen's own is not inlined, and takes longer.
-Eigen::Isometry3d Product(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  Eigen::Isometry3d product;
-  const Eigen::Matrix4d& from = a.matrix();
-  for (int column = 0; column < 4; ++column) {
-    product.matrix().col(column) = from.col(0) * b(0, column) + from.col(1) * b(1, column) +
-                                   from.col(2) * b(2, column) + from.col(3) * b(3, column);
-  }
-  return product;
-}
-
 }  // namespace
+
+// Matrices by columns. to = parent * (fixed + a * first + b * second)
+SILHOUETTE_WIDER_VECTORS static void MoveLink(const double* parent, const double* fixed,
+                                              const double* first, double a, const double* second,
+                                              double b, double* to) {
+  // Each by itself, into a register.
+  Four x, y, z, origin;
+  std::memcpy(&x, parent, sizeof x);
+  std::memcpy(&y, parent + 4, sizeof y);
+  std::memcpy(&z, parent + 8, sizeof z);
+  std::memcpy(&origin, parent + 12, sizeof origin);
+#pragma GCC unroll 4
+  for (size_t at = 0; at < 16; at += 4) {
+    Four here, along, beyond;
+    std::memcpy(&here, fixed + at, sizeof here);
+    std::memcpy(&along, first + at, sizeof along);
+    std::memcpy(&beyond, second + at, sizeof beyond);
+    here += a * along + b * beyond;
+    const Four moved = here[0] * x + here[1] * y + here[2] * z + here[3] * origin;
+    std::memcpy(to + at, &moved, sizeof moved);
+  }
+}
 
 Eigen::Isometry3d ParentFromLink(const ChainLink& link, double value) {
   const double moved = link.factor * value + link.offset;
@@ -42,7 +58,7 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
       throw std::invalid_argument("joint '" + joint.name + "' has limits that cannot be");
     }
   }
-  turns_.resize(links_.size());
+  moves_.resize(links_.size());
   for (size_t i = 0; i < links_.size(); ++i) {
     const ChainLink& link = links_[i];
     const bool placed = i == 0 ? link.parent == -1 && link.joint == -1
@@ -59,11 +75,16 @@ KinematicChain::KinematicChain(std::vector<ChainJoint> joints, std::vector<Chain
     if (link.slides && joint.continuous) {
       throw std::invalid_argument("joint '" + joint.name + "' cannot slide without end");
     }
+    if (link.slides) {
+      moves_[i].first.col(3).head<3>() = link.parent_from_link.linear() * link.axis;
+      continue;
+    }
     Eigen::Matrix3d cross;
     cross << 0, -link.axis.z(), link.axis.y(), link.axis.z(), 0, -link.axis.x(), -link.axis.y(),
         link.axis.x(), 0;
-    turns_[i].sine = link.parent_from_link.linear() * cross;
-    turns_[i].versine = turns_[i].sine * cross;
+    const Eigen::Matrix3d sine = link.parent_from_link.linear() * cross;
+    moves_[i].first.topLeftCorner<3, 3>() = sine;
+    moves_[i].second.topLeftCorner<3, 3>() = sine * cross;
   }
 }
 
@@ -88,17 +109,16 @@ void KinematicChain::Pose(std::span<const double> q,
       base_from_link[i] = link.parent_from_link;
       continue;
     }
-    Eigen::Isometry3d parent_from_link = link.parent_from_link;
+    double first = 0;
+    double second = 0;
     if (link.joint >= 0) {
       const double moved = link.factor * q[static_cast<size_t>(link.joint)] + link.offset;
-      if (link.slides) {
-        parent_from_link.translation() += moved * (link.parent_from_link.linear() * link.axis);
-      } else {
-        parent_from_link.linear() +=
-            std::sin(moved) * turns_[i].sine + (1 - std::cos(moved)) * turns_[i].versine;
-      }
+      first = link.slides ? moved : std::sin(moved);
+      second = link.slides ? 0 : 1 - std::cos(moved);
     }
-    base_from_link[i] = Product(base_from_link[static_cast<size_t>(link.parent)], parent_from_link);
+    MoveLink(base_from_link[static_cast<size_t>(link.parent)].data(), link.parent_from_link.data(),
+             moves_[i].first.data(), first, moves_[i].second.data(), second,
+             base_from_link[i].data());
   }
 }
 

@@ -63,13 +63,14 @@ class KinematicChain {
  private:
   std::vector<ChainJoint> joints_;
   std::vector<ChainLink> links_;
-  // By link: its orientation in its parent's frame, if it turns by `a`, is (Rodrigues)
-  //   parent_from_link.linear() + sin(a) * sine + (1 - cos(a)) * versine
-  struct Turn {
-    Eigen::Matrix3d sine = Eigen::Matrix3d::Zero();
-    Eigen::Matrix3d versine = Eigen::Matrix3d::Zero();
+  // By link: its pose in its parent's frame is
+  //   parent_from_link + a * first + b * second
+  // a: sin of the angle that it turns by, b: 1 - cos (Rodrigues). If it slides, a: how far, b: 0.
+  struct Move {
+    Eigen::Matrix4d first = Eigen::Matrix4d::Zero();
+    Eigen::Matrix4d second = Eigen::Matrix4d::Zero();
   };
-  std::vector<Turn> turns_;
+  std::vector<Move> moves_;
 };
 
 }  // namespace silhouette
