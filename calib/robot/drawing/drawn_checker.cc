@@ -2,8 +2,9 @@
 #include "calib/robot/drawing/drawn_checker.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <limits>
+#include <functional>
 #include <stdexcept>
 #include <utility>
 
@@ -12,9 +13,24 @@ namespace {
 
 // Of a ball's radius: a part that is grown by more is nearly as round, and dear to draw.
 constexpr double kAsBall = 0.5;
-constexpr float kUnknownDepth = std::numeric_limits<float>::infinity();
 
 using Candidate = DrawnCheckScratch::Candidate;
+using OpenView = DrawnCheckScratch::OpenView;
+
+// The first and the last row with a pixel.
+std::pair<int, int> RowsOf(const Mask& mask) {
+  const auto is_empty = [&mask](int y) {
+    for (int x = 0; x < mask.width(); ++x) {
+      if (mask.at(x, y)) return false;
+    }
+    return true;
+  };
+  int first = 0;
+  int last = mask.height() - 1;
+  while (first < last && is_empty(first)) ++first;
+  while (last > first && is_empty(last)) --last;
+  return {first, last};
+}
 
 void RequireGrowth(Growth growth, size_t parts) {
   if (growth.empty()) return;
@@ -46,13 +62,16 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
     }
     if (shown[view]->Empty()) continue;
     plane.distances = PlaneDistances(*shown[view]);
+    plane.rows = RowsOf(*shown[view]);
     plane.mask = *std::move(shown[view]);
     ++filled_;
   }
 }
 
-bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const {
+bool DrawnChecker::Look(const OpenView& near_view, Growth growth,
+                        DrawnCheckScratch& scratch) const {
   const PartBalls& balls = robot_->balls();
+  const size_t view = near_view.view;
   const size_t begin = scratch.candidates.size();
   if (!robot_->looks()[view].bounded()) {
     for (size_t part = 0; part < robot_->parts().size(); ++part) {
@@ -60,23 +79,29 @@ bool DrawnChecker::Look(size_t view, Growth growth, DrawnCheckScratch& scratch) 
     }
     return false;
   }
-  robot_->looks()[view].See(balls, scratch.balls, planes_[view].distances, scratch.seen);
-  for (const auto& [ball, reach, distance, in_pixel] : scratch.seen) {
-    const size_t part = balls.part(ball);
-    const bool as_ball =
-        !growth.empty() && growth[part] > kAsBall * static_cast<double>(balls.radius(ball));
-    if (as_ball || (distance == 0 && in_pixel)) {
-      scratch.candidates.resize(begin);
-      return true;
-    }
-    // Not a number, which has no order: not known.
-    const float depth = std::isnan(reach) ? kUnknownDepth : reach - distance;
-    // Balls of a part stand together.
-    if (scratch.candidates.size() > begin && scratch.candidates.back().part == part) {
-      float& deepest = scratch.candidates.back().depth;
-      deepest = std::max(deepest, depth);
-    } else {
-      scratch.candidates.push_back({view, part, depth});
+  for (size_t i = near_view.begin; i < near_view.end; ++i) {
+    SeenBalls& vector = scratch.seen[i];
+    robot_->looks()[view].See(balls, scratch.balls, planes_[view].distances, vector);
+    for (uint32_t near = vector.near; near != 0; near &= near - 1) {
+      const auto lane = static_cast<size_t>(std::countr_zero(near));
+      const size_t ball = BallNumbers::kLanes * vector.vector + lane;
+      const auto pixel = static_cast<uint32_t>(vector.pixel[lane]);
+      const int distance = planes_[view].distances.UnitsAt(pixel / 2);
+      const size_t part = balls.part(ball);
+      const bool as_ball =
+          !growth.empty() && growth[part] > kAsBall * static_cast<double>(balls.radius(ball));
+      if (as_ball || (distance == 0 && pixel % 2 == 1)) {
+        scratch.candidates.resize(begin);
+        return true;
+      }
+      const int depth = vector.reach[lane] - distance;
+      // Balls of a part stand together.
+      if (scratch.candidates.size() > begin && scratch.candidates.back().part == part) {
+        int& deepest = scratch.candidates.back().depth;
+        deepest = std::max(deepest, depth);
+      } else {
+        scratch.candidates.push_back({view, part, depth});
+      }
     }
   }
   return false;
@@ -88,7 +113,7 @@ bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
   return robot_->views()[candidate.view].Meets(
       scratch.base_from_link[part.moves_with], part.points, robot_->edges()[candidate.part],
       part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
-      planes_[candidate.view].mask.words());
+      planes_[candidate.view].mask.words(), planes_[candidate.view].rows);
 }
 
 int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
@@ -110,38 +135,53 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int enough, bo
     return std::min(enough, static_cast<int>(planes_.size()));
   }
   robot_->balls().Place(scratch.base_from_link, growth, scratch.balls);
-  scratch.candidates.clear();
-  int showing = missing_;
-  int open = 0;         // views
-  int after = filled_;  // views still to be looked at
-  for (size_t view = 0; view < planes_.size() && showing < enough; ++view) {
+  scratch.seen.clear();
+  scratch.near.clear();
+  for (size_t view = 0; view < planes_.size(); ++view) {
     if (planes_[view].mask.words().empty()) continue;
-    if (!any_counts && showing + open + after < enough) return std::min(enough, showing);
-    --after;
-    const size_t before = scratch.candidates.size();
-    if (Look(view, growth, scratch)) {
-      ++showing;
-    } else if (scratch.candidates.size() > before) {
-      ++open;
+    const BallLook& look = robot_->looks()[view];
+    const size_t before = scratch.seen.size();
+    if (look.bounded()) {
+      look.FindNear(robot_->balls(), scratch.balls, planes_[view].distances, scratch.seen);
     }
+    const size_t end = scratch.seen.size();
+    if (look.bounded() && end == before) continue;
+    scratch.near.push_back({view, before, end, static_cast<int>(end - before)});
   }
-  for (size_t i = 0; i < scratch.candidates.size();) {
-    const bool open_counts = showing + open >= enough || (any_counts && showing == 0);
-    if (showing >= enough || !open_counts) break;
-    const size_t view = scratch.candidates[i].view;
-    size_t end = i;
-    while (end < scratch.candidates.size() && scratch.candidates[end].view == view) ++end;
-    // What reaches farthest into the plane first: most likely it meets it.
-    std::sort(scratch.candidates.begin() + static_cast<std::ptrdiff_t>(i),
-              scratch.candidates.begin() + static_cast<std::ptrdiff_t>(end),
-              [](const Candidate& a, const Candidate& b) { return a.depth > b.depth; });
-    --open;
-    for (; i < end; ++i) {
+  int showing = missing_;
+  auto after = static_cast<int>(scratch.near.size());  // views still to be looked at or drawn
+  const auto undecided = [&] {
+    return showing < enough && (showing + after >= enough || (any_counts && showing == 0));
+  };
+  scratch.candidates.clear();
+  scratch.open.clear();
+  std::ranges::sort(scratch.near, std::greater(), &OpenView::order);
+  for (const OpenView& near : scratch.near) {
+    if (!undecided()) break;
+    const size_t before = scratch.candidates.size();
+    const bool shown = Look(near, growth, scratch);
+    if (!shown && scratch.candidates.size() > before) {
+      // What reaches farthest into the plane first: most likely it meets it.
+      const auto candidates = std::span(scratch.candidates).subspan(before);
+      std::ranges::sort(candidates, std::greater(), &Candidate::depth);
+      scratch.open.push_back({near.view, before, scratch.candidates.size(), candidates[0].depth});
+      continue;
+    }
+    --after;
+    if (shown) ++showing;
+  }
+  std::ranges::sort(scratch.open, std::less(), &OpenView::order);
+  std::span<const OpenView> open = scratch.open;
+  while (!open.empty() && undecided()) {
+    // The first view that shows an obstacle, then others that show none decide most.
+    const OpenView view = showing == 0 ? open.back() : open.front();
+    open = showing == 0 ? open.first(open.size() - 1) : open.subspan(1);
+    --after;
+    for (size_t i = view.begin; i < view.end; ++i) {
       if (!IsMet(scratch.candidates[i], growth, scratch)) continue;
       ++showing;
       break;
     }
-    i = end;
   }
   return std::min(enough, showing);
 }

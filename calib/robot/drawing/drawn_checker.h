@@ -13,6 +13,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "calib/robot/drawing/drawn_robot.h"
@@ -27,14 +28,25 @@ struct DrawnCheckScratch {
   struct Candidate {
     size_t view = 0;
     size_t part = 0;
-    float depth = 0;  // pixels by which a ball about it may reach into the plane
+    int depth = 0;  // PlaneDistances::kUnits by which a ball about it may reach into the plane
+  };
+
+  // A view that is not decided, with what is left to look at: `seen` or `candidates` from begin to
+  // end. The greater `order`, the likelier it shows an obstacle.
+  struct OpenView {
+    size_t view = 0;
+    size_t begin = 0;
+    size_t end = 0;
+    int order = 0;
   };
 
   DrawingScratch drawing;
   std::vector<Eigen::Isometry3d> base_from_link;
   PlacedBalls balls;
-  std::vector<SeenBall> seen;
+  std::vector<SeenBalls> seen;        // view by view
   std::vector<Candidate> candidates;  // view by view
+  std::vector<OpenView> near;
+  std::vector<OpenView> open;
 };
 
 // The planes that show obstacles in one scene, prepared for questions about a robot at any joint
@@ -66,12 +78,14 @@ class DrawnChecker {
   int Count(std::span<const double> q, Growth growth, int enough, bool any_counts,
             DrawnCheckScratch& scratch) const;
   // Whether the view certainly shows one; else appends the parts that may.
-  bool Look(size_t view, Growth growth, DrawnCheckScratch& scratch) const;
+  bool Look(const DrawnCheckScratch::OpenView& near, Growth growth,
+            DrawnCheckScratch& scratch) const;
   bool IsMet(const DrawnCheckScratch::Candidate& candidate, Growth growth,
              DrawnCheckScratch& scratch) const;
 
   struct Plane {
-    Mask mask;  // no size: the view shows nothing, or is missing
+    Mask mask;                 // no size: the view shows nothing, or is missing
+    std::pair<int, int> rows;  // the first and the last that show anything
     PlaneDistances distances;
   };
 

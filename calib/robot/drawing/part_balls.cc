@@ -3,9 +3,9 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "calib/robot/drawing/drawn_robot.h"
 #include "calib/robot/drawing/lens_window.h"
@@ -17,9 +17,9 @@ namespace {
 using Eigen::Vector3d;
 using Lanes = BallNumbers::Lanes;
 using IntLanes [[gnu::vector_size(32)]] = int32_t;
+using DoubleFour [[gnu::vector_size(32)]] = double;
 
 constexpr auto kThin = static_cast<float>(PartDrawer::kThin);
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
 
@@ -128,7 +128,8 @@ void PartBalls::Group() {
   groups_.radius.resize(vectors);
   groups_.far.resize(vectors);
   for (size_t i = 0; i < link_.size(); ++i) {
-    const Vector3d middle(Mean(x_.vector(i)), Mean(y_.vector(i)), Mean(z_.vector(i)));
+    middles_.push_back({Mean(x_.vector(i)), Mean(y_.vector(i)), Mean(z_.vector(i))});
+    const Vector3d middle(middles_[i][0], middles_[i][1], middles_[i][2]);
     for (size_t ball = BallNumbers::kLanes * i; ball < BallNumbers::kLanes * (i + 1); ++ball) {
       const Vector3d centre(x_[ball], y_[ball], z_[ball]);
       const auto away = static_cast<float>(1.000001 * (centre - middle).norm());
@@ -156,51 +157,54 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   reach_ = std::max(reach_, centre.lpNorm<1>() + far);
 }
 
-SILHOUETTE_WIDER_VECTORS static void MoveBalls(const float* turn, const float* move, const Lanes& x,
-                                               const Lanes& y, const Lanes& z, Lanes& to_x,
-                                               Lanes& to_y, Lanes& to_z) {
-  to_x = turn[0] * x + turn[1] * y + turn[2] * z + move[0];
-  to_y = turn[3] * x + turn[4] * y + turn[5] * z + move[1];
-  to_z = turn[6] * x + turn[7] * y + turn[8] * z + move[2];
+// `pose`: by columns.
+SILHOUETTE_WIDER_VECTORS static void MoveBalls(const double* pose, const Lanes& x, const Lanes& y,
+                                               const Lanes& z, const float* middle, Lanes& to_x,
+                                               Lanes& to_y, Lanes& to_z, float* to_middle) {
+  using Four [[gnu::vector_size(16)]] = float;
+  Four columns[4];
+  for (size_t i = 0; i < 4; ++i) {
+    DoubleFour column;
+    std::memcpy(&column, pose + 4 * i, sizeof column);
+    columns[i] = __builtin_convertvector(column, Four);
+  }
+  const auto& [right, up, out, move] = columns;
+  to_x = right[0] * x + up[0] * y + out[0] * z + move[0];
+  to_y = right[1] * x + up[1] * y + out[1] * z + move[1];
+  to_z = right[2] * x + up[2] * y + out[2] * z + move[2];
+  const Four moved = right * middle[0] + up * middle[1] + out * middle[2] + move;
+  for (size_t i = 0; i < 3; ++i) to_middle[i] = moved[i];
 }
 
 void PartBalls::Place(std::span<const Eigen::Isometry3d> base_from_link,
                       std::span<const double> growth, PlacedBalls& placed) const {
-  for (BallNumbers* numbers : {&placed.x, &placed.y, &placed.z, &placed.growth}) {
-    numbers->resize(link_.size());
+  BallPlaces& groups = placed.groups;
+  for (BallNumbers* numbers : {&placed.x, &placed.y, &placed.z}) numbers->resize(link_.size());
+  for (BallNumbers* numbers : {&groups.x, &groups.y, &groups.z}) {
+    numbers->resize(groups_.radius.vectors());
   }
   double away = 0;
   for (size_t i = 0; i < link_.size(); ++i) {
     const Eigen::Isometry3d& pose = base_from_link[link_[i]];
-    float turn[9];
-    float move[3];
-    for (int row = 0; row < 3; ++row) {
-      for (int column = 0; column < 3; ++column) {
-        turn[3 * row + column] = static_cast<float>(pose(row, column));
-      }
-      move[row] = static_cast<float>(pose(row, 3));
-    }
     away = std::max(away, pose.translation().lpNorm<1>());
-    MoveBalls(turn, move, x_.vector(i), y_.vector(i), z_.vector(i), placed.x.vector(i),
-              placed.y.vector(i), placed.z.vector(i));
-    placed.growth.vector(i) = part_radius_.vector(i);
+    float middle[3];
+    MoveBalls(pose.data(), x_.vector(i), y_.vector(i), z_.vector(i), middles_[i].data(),
+              placed.x.vector(i), placed.y.vector(i), placed.z.vector(i), middle);
+    groups.x[i] = middle[0];
+    groups.y[i] = middle[1];
+    groups.z[i] = middle[2];
   }
+  placed.slack = static_cast<float>(kFloat * (away + reach_));
+  placed.growth = part_radius_;
   if (!growth.empty()) {
     for (size_t ball = 0; ball < balls(); ++ball) {
       placed.growth[ball] += static_cast<float>(growth[part_[ball]]);
     }
   }
-  BallPlaces& groups = placed.groups;
-  for (BallNumbers* numbers : {&groups.x, &groups.y, &groups.z, &groups.growth}) {
-    numbers->resize(groups_.radius.vectors());
-  }
+  groups.growth.resize(groups_.radius.vectors());
   for (size_t i = 0; i < link_.size(); ++i) {
-    groups.x[i] = Mean(placed.x.vector(i));
-    groups.y[i] = Mean(placed.y.vector(i));
-    groups.z[i] = Mean(placed.z.vector(i));
     groups.growth[i] = Greatest(placed.growth.vector(i));
   }
-  placed.slack = static_cast<float>(kFloat * (away + reach_));
 }
 
 BallLook::BallLook(const PartDrawer& view) {
@@ -254,31 +258,27 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
-                   const PlaneDistances& distances, std::vector<SeenBall>& seen) const {
-  constexpr size_t kLanes = BallNumbers::kLanes;
-  seen.clear();
-  const float slack = placed.slack + slack_;
-  const size_t vectors = balls.link_.size();
-  Seen groups;
-  Seen found;
-  for (size_t i = 0; i < vectors; ++i) {
-    if (i % kLanes == 0) SeeVector(balls.groups_, placed.groups, i / kLanes, slack, groups);
-    const auto group_pixel = static_cast<size_t>(groups.pixel[i % kLanes]);
-    if (distances.At(group_pixel / 2) > groups.reach[i % kLanes]) continue;
-    SeeVector(balls.balls_, placed, i, slack, found);
-    for (size_t lane = 0; lane < kLanes; ++lane) {
-      const auto pixel = static_cast<size_t>(found.pixel[lane]);
-      const float distance = distances.At(pixel / 2);
-      if (distance > found.reach[lane]) continue;
-      seen.push_back({kLanes * i + lane, found.reach[lane], distance, pixel % 2 == 1});
+void BallLook::FindNear(const PartBalls& balls, const PlacedBalls& placed,
+                        const PlaneDistances& distances, std::vector<SeenBalls>& seen) const {
+  SeenBalls groups;
+  for (size_t i = 0; i < balls.groups_.radius.vectors(); ++i) {
+    SeeVector(balls.groups_, placed.groups, i, placed.slack + slack_, distances, groups);
+    for (uint32_t near = groups.near; near != 0; near &= near - 1) {
+      const size_t vector = BallNumbers::kLanes * i + static_cast<size_t>(std::countr_zero(near));
+      if (vector < balls.link_.size()) seen.push_back({.vector = vector});
     }
   }
 }
 
+void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
+                   const PlaneDistances& distances, SeenBalls& seen) const {
+  SeeVector(balls.balls_, placed, seen.vector, placed.slack + slack_, distances, seen);
+}
+
 SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& extents,
                                                   const BallPlaces& placed, size_t i, float slack,
-                                                  Seen& seen) const {
+                                                  const PlaneDistances& distances,
+                                                  SeenBalls& seen) const {
   const Lanes& px = placed.x.vector(i);
   const Lanes& py = placed.y.vector(i);
   const Lanes& pz = placed.z.vector(i);
@@ -302,10 +302,10 @@ SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& exte
   const Lanes au = u < 0 ? -u : u;
   const Lanes av = v < 0 ? -v : v;
   const Lanes off_axis = (au > av ? au : av) + 0.42F * (au > av ? av : au);
-  const Lanes own = radius * (1 + 0.5F * square) / (z - radius);
-  const Lanes apart = far * (1 + 0.5F * square) / (z - far);
+  const Lanes own = radius * (1 / (z - radius)) * (1 + 0.5F * square);
+  const Lanes apart = far * (1 / (z - far)) * (1 + 0.5F * square);
   const Lanes outer = off_axis + apart;
-  const Lanes wide = 1.036F * growth * (1 + 0.5F * outer * outer) / (z - far - growth);
+  const Lanes wide = 1.036F * growth * (1 / (z - far - growth)) * (1 + 0.5F * outer * outer);
   const Lanes disc = own + wide;
   const Lanes extent = 2 * (apart + wide);
   const Lanes bow = bend_ * 0.125F * extent * extent;
@@ -348,14 +348,29 @@ SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& exte
   const Lanes growth_margin = stretch_ * wide;
   const Lanes corner = 0.42F * (growth_margin < kThin ? growth_margin : none + kThin);
   const Lanes reach =
-      stretch_ * disc * 1.00001F + bow + sag + 1.415F * widened_ + corner + rounding_ + away;
-  const Lanes known = unknown ? none + kInfinity : reach;
-  const Lanes result = hidden ? none - 1 : known;
+      stretch_ * disc * 1.00001F + (bow + sag) + (1.415F * widened_ + rounding_ + away + corner);
+  const Lanes units = reach * static_cast<float>(PlaneDistances::kUnits);
+  constexpr auto kUnknown = static_cast<float>(SeenBalls::kUnknown);
+  // Not a number is not less.
+  const IntLanes known = ~unknown & (units < kUnknown);
+  const Lanes result = hidden ? none - 1 : (known ? units : none + kUnknown);
+  const IntLanes most = __builtin_convertvector(result, IntLanes);
   const IntLanes centred =
       ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
-  const IntLanes pixel = 2 * (row * width_ + column) + (centred & 1);
-  std::memcpy(seen.pixel, &pixel, sizeof pixel);
-  std::memcpy(seen.reach, &result, sizeof result);
+  const IntLanes pixel = row * width_ + column;
+  IntLanes distance;
+#pragma GCC unroll 8
+  for (int lane = 0; lane < static_cast<int>(BallNumbers::kLanes); ++lane) {
+    distance[lane] = distances.UnitsAt(static_cast<uint32_t>(pixel[lane]));
+  }
+  IntLanes near = (distance <= most) & IntLanes{1, 2, 4, 8, 16, 32, 64, 128};
+  near |= __builtin_shufflevector(near, near, 4, 5, 6, 7, 0, 1, 2, 3);
+  near |= __builtin_shufflevector(near, near, 2, 3, 0, 1, 6, 7, 4, 5);
+  near |= __builtin_shufflevector(near, near, 1, 0, 3, 2, 5, 4, 7, 6);
+  seen.near = static_cast<uint32_t>(near[0]);
+  const IntLanes found = 2 * pixel + (centred & 1);
+  std::memcpy(seen.pixel, &found, sizeof found);
+  std::memcpy(seen.reach, &most, sizeof most);
 }
 
 }  // namespace silhouette

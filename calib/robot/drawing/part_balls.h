@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -52,15 +53,19 @@ struct PlacedBalls : BallPlaces {
   float slack = 0;  // metres that rounding may have moved a ball by
 };
 
-// A ball that may meet the plane of a view.
-struct SeenBall {
-  size_t ball = 0;
-  // Pixels about the centre of a pixel, the nearest to the ball's: if no square of the plane is as
-  // near, AddTouched meets it nowhere with the piece of the part that the ball holds. Not a number
-  // or infinite: not known.
-  float reach = 0;
-  float distance = 0;     // of that pixel from the plane, which is no more
-  bool in_pixel = false;  // the ball's centre, a point of the part, is in its square for certain
+// A vector of balls as a view sees it.
+struct SeenBalls {
+  size_t vector = 0;
+  uint32_t near = 0;  // a bit for each ball that may meet the view's plane
+  // By ball: twice the number of the pixel whose centre is nearest to the ball's; one more if the
+  // ball's centre, a point of the part, is in its square for certain.
+  int32_t pixel[BallNumbers::kLanes] = {};
+  // PlaneDistances::kUnits about the centre of that pixel: if no square of the plane is as near,
+  // AddTouched meets it nowhere with the piece of the part that the ball holds. kUnknown: not
+  // known.
+  int32_t reach[BallNumbers::kLanes] = {};
+
+  static constexpr int32_t kUnknown = 1 << 16;  // more than any distance
 };
 
 class PartBalls {
@@ -92,6 +97,8 @@ class PartBalls {
   std::vector<size_t> link_;  // by vector of balls
   BallNumbers x_, y_, z_;     // in the frame of the link
   Extents balls_;             // of parts without their radius
+  // By vector of balls:
+  std::vector<std::array<float, 3>> middles_;
   Extents groups_;
   BallNumbers part_radius_;
   double reach_ = 0;  // how far a ball's centre is from its link's origin at most
@@ -105,21 +112,17 @@ class BallLook {
   // Whether anything is known; else no ball is.
   bool bounded() const { return bounded_; }
 
-  // The balls that may meet a plane, in their order; others meet it nowhere. `balls`: of which
-  // `placed` is. `distances`: of the plane.
+  // Appends the vectors of balls of which some may meet a plane, in their order; others meet it
+  // nowhere. `balls`: of which `placed` is. `distances`: of the plane.
+  void FindNear(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
+                std::vector<SeenBalls>& seen) const;
+  // Looks at each ball of one of them.
   void See(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
-           std::vector<SeenBall>& seen) const;
+           SeenBalls& seen) const;
 
  private:
-  // Of each of a vector of balls.
-  struct Seen {
-    // The number of the pixel that the centre is nearest to, twice; one more if it is in its
-    // square for certain.
-    int32_t pixel[BallNumbers::kLanes];
-    float reach[BallNumbers::kLanes];
-  };
   void SeeVector(const PartBalls::Extents& extents, const BallPlaces& placed, size_t i, float slack,
-                 Seen& seen) const;
+                 const PlaneDistances& distances, SeenBalls& seen) const;
 
   bool bounded_ = false;
   float turn_[9] = {};  // camera from world, row by row

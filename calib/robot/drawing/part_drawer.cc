@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "calib/robot/drawing/convex_outline.h"
-#include "calib/robot/drawing/projection.h"
 #include "db/mask/wider_vectors.h"
 
 namespace silhouette {
@@ -208,6 +207,33 @@ bool PartDrawer::IsClear(std::array<double, 4> low, std::array<double, 4> high,
                     [&](size_t first, size_t last) { return !AnyBit(plane, first, last); });
 }
 
+bool PartDrawer::IsClearOf(const Octagon& pixels, const Extremes& seen,
+                           const DrawingScratch& scratch, MaskWords plane) const {
+  const auto& [low, high] = pixels;
+  const Vector2d extent(seen.high[0] - seen.low[0], seen.high[1] - seen.low[1]);
+  // Chords are off an edge by this at most, and as much wider: TraceEdge. Squares reach half a
+  // pixel, all of it along both axes.
+  const double bend = window_.bend() * extent.squaredNorm() / 8;
+  const double reach = widened_ + scratch.widened_by + 2 * bend + 0.5 + 1e-9;
+  const double above = std::max<double>(low[1] - reach, scratch.rows.first);
+  const double below = std::min<double>(high[1] + reach, scratch.rows.second);
+  if (!(above <= below)) return true;
+  for (int y = CeilOf(above); y <= below; ++y) {
+    const double left = std::max({low[0] - reach, low[2] - 2 * reach - y, low[3] - 2 * reach + y});
+    const double right =
+        std::min({high[0] + reach, high[2] + 2 * reach - y, high[3] + 2 * reach + y});
+    if (!(left <= size_.width - 1) || !(right >= 0)) continue;
+    const int first = CeilOf(std::max(left, 0.0));
+    const int last = static_cast<int>(std::min<double>(right, size_.width - 1));
+    if (first > last) continue;
+    const size_t begin = static_cast<size_t>(y) * static_cast<size_t>(size_.width);
+    if (AnyBit(plane, begin + static_cast<size_t>(first), begin + static_cast<size_t>(last))) {
+      return false;
+    }
+  }
+  return true;
+}
+
 void PartDrawer::WidenedOutline(double growth, DrawingScratch& scratch) const {
   const double most = scratch.most_reach;
   scratch.widened_by = 0;
@@ -246,9 +272,10 @@ void PartDrawer::TraceSegment(const Vector2d& from, const Vector2d& to, double m
   // Compared before the conversion: what is far outside does not fit an int.
   const double above = top.y() - reach;
   const double below = bottom.y() + reach;
-  if (!(above <= size_.height - 1) || !(below >= 0)) return;
-  const int first = above > 0 ? CeilOf(above) : 0;
-  const int last = below < size_.height - 1 ? static_cast<int>(below) : size_.height - 1;
+  const auto [top_row, bottom_row] = scratch.rows;
+  if (!(above <= bottom_row) || !(below >= top_row)) return;
+  const int first = above > top_row ? CeilOf(above) : top_row;
+  const int last = below < bottom_row ? static_cast<int>(below) : bottom_row;
   if (first > last) return;
   scratch.first_row = std::min(scratch.first_row, first);
   scratch.last_row = std::max(scratch.last_row, last);
@@ -297,7 +324,6 @@ void PartDrawer::BeginRows(DrawingScratch& scratch) const {
 void PartDrawer::TraceEdges(const HullEdges& edges, const Vector3d& eye,
                             DrawingScratch& scratch) const {
   const std::vector<Vector2d>& projected = scratch.projected;
-  PixelsAt(camera_.intrinsics(), projected, scratch.pixels);
   BeginRows(scratch);
   edges.ForOutline(eye, [&](uint32_t a, uint32_t b) {
     TraceEdge(projected[a], projected[b], scratch.pixels[a], scratch.pixels[b], scratch);
@@ -347,6 +373,8 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   const bool known = !edges.empty() && edges.points() == points.cols();
   if (!cut && known && window_.clear_of_fold() && scratch.widened_by <= kThin &&
       window_.Holds({seen.low[0], seen.low[1]}, {seen.high[0], seen.high[1]})) {
+    const Octagon pixels = PixelsAt(camera_.intrinsics(), scratch.projected, scratch.pixels);
+    if (!plane.empty() && IsClearOf(pixels, seen, scratch, plane)) return Extent::kNothing;
     const Vector3d eye = -camera_from_body.linear().transpose() * camera_from_body.translation();
     TraceEdges(edges, eye, scratch);
     return Extent::kRows;
@@ -366,6 +394,7 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
                             const Eigen::Matrix3Xd& points, const HullEdges& edges, double growth,
                             DrawingScratch& scratch, std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+  scratch.rows = {0, size_.height - 1};
   switch (Trace(world_from_body, points, edges, growth, scratch, {})) {
     case Extent::kNothing:
       return;
@@ -381,8 +410,9 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
 
 bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                        const HullEdges& edges, double growth, DrawingScratch& scratch,
-                       MaskWords plane) const {
+                       MaskWords plane, std::pair<int, int> rows) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), plane.size());
+  scratch.rows = rows;
   switch (Trace(world_from_body, points, edges, growth, scratch, plane)) {
     case Extent::kNothing:
       return false;

@@ -13,11 +13,13 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
 #include "calib/robot/drawing/hull_edges.h"
 #include "calib/robot/drawing/lens_window.h"
+#include "calib/robot/drawing/projection.h"
 #include "calib/robot/drawing/square_corners.h"
 #include "db/mask/mask.h"
 
@@ -41,6 +43,7 @@ struct DrawingScratch {
   std::vector<double> right;  // by row: the greatest
   int first_row = 0;          // with an outline
   int last_row = -1;
+  std::pair<int, int> rows;  // the first and the last in which it is wanted
 };
 
 class PartDrawer {
@@ -68,9 +71,11 @@ class PartDrawer {
                   const HullEdges& edges, double growth, DrawingScratch& scratch,
                   std::span<uint64_t> words) const;
 
-  // Whether AddTouched would set a pixel that `plane` has.
+  // Whether AddTouched would set a pixel that `plane` has. `rows`: it has none before the first and
+  // after the second, which are of the image.
   bool Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-             const HullEdges& edges, double growth, DrawingScratch& scratch, MaskWords plane) const;
+             const HullEdges& edges, double growth, DrawingScratch& scratch, MaskWords plane,
+             std::pair<int, int> rows) const;
 
   // Sets pixels in whose squares every ray meets the body.
   void AddCovered(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
@@ -110,6 +115,10 @@ class PartDrawer {
   // their x, y, x + y and x - y.
   bool IsClear(std::array<double, 4> low, std::array<double, 4> high, DrawingScratch& scratch,
                MaskWords plane) const;
+  // Whether the plane has no pixel in the wanted rows that edges between the projected points may
+  // touch. `pixels`: where these are.
+  bool IsClearOf(const Octagon& pixels, const Extremes& seen, const DrawingScratch& scratch,
+                 MaskWords plane) const;
   void BeginRows(DrawingScratch& scratch) const;
   void TraceOutline(DrawingScratch& scratch) const;
   // The same from the projected points of a hull all of which is in the window.

@@ -16,7 +16,8 @@ namespace silhouette {
 class PlaneDistances {
  public:
   // Distances above are taken for this one.
-  static constexpr int kMost = 64;  // pixels
+  static constexpr int kMost = 64;   // pixels
+  static constexpr int kUnits = 32;  // a pixel
 
   explicit PlaneDistances(const Mask& plane);
   PlaneDistances() = default;
@@ -24,10 +25,9 @@ class PlaneDistances {
   // Pixels from the centre of a pixel (Mask's number) to the nearest square of a set one; 0 in a
   // set one. Up to 1/32 less than it is, never more.
   float At(size_t pixel) const { return static_cast<float>(distances_[pixel]) * (1.0F / kUnits); }
+  int UnitsAt(size_t pixel) const { return distances_[pixel]; }
 
  private:
-  static constexpr int kUnits = 32;  // a pixel
-
   std::vector<uint16_t> distances_;
 };
 

@@ -15,14 +15,26 @@ using Four [[gnu::vector_size(32)]] = double;
 
 }  // namespace
 
+static inline double Least(const Four& v) {
+  return std::min(std::min(v[0], v[1]), std::min(v[2], v[3]));
+}
+
+static inline double Most(const Four& v) {
+  return std::max(std::max(v[0], v[1]), std::max(v[2], v[3]));
+}
+
 // Stores x and y of the first `lanes` in turn.
 static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double* to) {
-  const Four pairs[2] = {__builtin_shufflevector(x, y, 0, 4, 1, 5),
-                         __builtin_shufflevector(x, y, 2, 6, 3, 7)};
   if (lanes == 4) {
-    std::memcpy(to, pairs, sizeof pairs);
-  } else {
-    for (size_t i = 0; i < 2 * lanes; ++i) to[i] = pairs[i / 4][i % 4];
+    const Four first = __builtin_shufflevector(x, y, 0, 4, 1, 5);
+    const Four second = __builtin_shufflevector(x, y, 2, 6, 3, 7);
+    std::memcpy(to, &first, sizeof first);
+    std::memcpy(to + 4, &second, sizeof second);
+    return;
+  }
+  for (size_t i = 0; i < lanes; ++i) {
+    to[2 * i] = x[i];
+    to[2 * i + 1] = y[i];
   }
 }
 
@@ -41,6 +53,7 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
     const size_t lanes = std::min<size_t>(4, count - begin);
     const double* at = from + 3 * begin;
     Four of[3];
+#pragma GCC unroll 3
     for (size_t i = 0; i < 3; ++i) {
       // The last one again, up to a whole vector.
       of[i] = lanes == 4 ? Four{at[i], at[i + 3], at[i + 6], at[i + 9]}
@@ -48,6 +61,7 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
                                 at[3 * (lanes - 1) + i]};
     }
     Four to[3];
+#pragma GCC unroll 3
     for (size_t i = 0; i < 3; ++i) {
       to[i] = turn[3 * i] * of[0] + turn[3 * i + 1] * of[1] + turn[3 * i + 2] * of[2] + move[i];
       sum += to[i] < 0 ? -to[i] : to[i];
@@ -58,46 +72,70 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
     const Four square = x * x + y * y;
     off_axis = off_axis > square ? off_axis : square;
     const Four along[5] = {x, y, x + y, x - y, to[2]};
+#pragma GCC unroll 5
     for (int i = 0; i < 5; ++i) {
       least[i] = along[i] < least[i] ? along[i] : least[i];
       most[i] = along[i] > most[i] ? along[i] : most[i];
     }
     StorePairs(x, y, lanes, projected + 2 * begin);
   }
-  const auto min = [](const Four& v) { return std::min({v[0], v[1], v[2], v[3]}); };
-  const auto max = [](const Four& v) { return std::max({v[0], v[1], v[2], v[3]}); };
   Extremes found{.sum = sum[0] + sum[1] + sum[2] + sum[3],
-                 .nearest = min(least[4]),
-                 .farthest = max(most[4]),
-                 .off_axis = max(off_axis)};
+                 .nearest = Least(least[4]),
+                 .farthest = Most(most[4]),
+                 .off_axis = Most(off_axis)};
+#pragma GCC unroll 4
   for (size_t i = 0; i < 4; ++i) {
-    found.low[i] = min(least[i]);
-    found.high[i] = max(most[i]);
+    found.low[i] = Least(least[i]);
+    found.high[i] = Most(most[i]);
   }
   return found;
 }
 
 // Where the image shows points at z = 1, one after the other; `focal`, `centre`: along x and y.
-SILHOUETTE_WIDER_VECTORS static void PixelsOf(const double* lens, bool rational,
-                                              const double* focal, const double* centre,
-                                              const double* projected, size_t count,
-                                              double* pixels) {
+SILHOUETTE_WIDER_VECTORS static Octagon PixelsOf(const double* lens, bool rational,
+                                                 const double* focal, const double* centre,
+                                                 const double* projected, size_t count,
+                                                 double* pixels) {
+  const Four infinity = Four{} + std::numeric_limits<double>::infinity();
+  Four least[4] = {infinity, infinity, infinity, infinity};
+  Four most[4] = {-infinity, -infinity, -infinity, -infinity};
   for (size_t begin = 0; begin < count; begin += 4) {
     const size_t lanes = std::min<size_t>(4, count - begin);
-    Four pairs[2] = {};
+    const double* const at = projected + 2 * begin;
+    Four u;
+    Four v;
     if (lanes == 4) {
-      std::memcpy(pairs, projected + 2 * begin, sizeof pairs);
+      Four first;
+      Four second;
+      std::memcpy(&first, at, sizeof first);
+      std::memcpy(&second, at + 4, sizeof second);
+      u = __builtin_shufflevector(first, second, 0, 2, 4, 6);
+      v = __builtin_shufflevector(first, second, 1, 3, 5, 7);
     } else {
-      for (size_t i = 0; i < 2 * lanes; ++i) pairs[i / 4][i % 4] = projected[2 * begin + i];
+      // The last one again, as ProjectPoints has it.
+      u = Four{at[0], at[2 * (lanes / 2)], at[2 * (lanes - 1)], at[2 * (lanes - 1)]};
+      v = Four{at[1], at[2 * (lanes / 2) + 1], at[2 * lanes - 1], at[2 * lanes - 1]};
     }
-    const Four u = __builtin_shufflevector(pairs[0], pairs[1], 0, 2, 4, 6);
-    const Four v = __builtin_shufflevector(pairs[0], pairs[1], 1, 3, 5, 7);
     Four bent_u;
     Four bent_v;
     DistortLanes(lens, rational, u, v, bent_u, bent_v);
-    StorePairs(focal[0] * bent_u + centre[0], focal[1] * bent_v + centre[1], lanes,
-               pixels + 2 * begin);
+    const Four x = focal[0] * bent_u + centre[0];
+    const Four y = focal[1] * bent_v + centre[1];
+    const Four along[4] = {x, y, x + y, x - y};
+#pragma GCC unroll 4
+    for (size_t i = 0; i < 4; ++i) {
+      least[i] = along[i] < least[i] ? along[i] : least[i];
+      most[i] = along[i] > most[i] ? along[i] : most[i];
+    }
+    StorePairs(x, y, lanes, pixels + 2 * begin);
   }
+  Octagon found;
+#pragma GCC unroll 4
+  for (size_t i = 0; i < 4; ++i) {
+    found.low[i] = Least(least[i]);
+    found.high[i] = Most(most[i]);
+  }
+  return found;
 }
 
 Extremes Project(const Eigen::Isometry3d& camera_from_points,
@@ -115,15 +153,15 @@ Extremes Project(const Eigen::Isometry3d& camera_from_points,
   return ProjectPoints(turn, move, points.data(), projected.size(), projected.data()->data());
 }
 
-void PixelsAt(const CameraIntrinsics& in, const std::vector<Eigen::Vector2d>& projected,
-              std::vector<Eigen::Vector2d>& pixels) {
+Octagon PixelsAt(const CameraIntrinsics& in, const std::vector<Eigen::Vector2d>& projected,
+                 std::vector<Eigen::Vector2d>& pixels) {
   const double focal[2] = {in.fx, in.fy};
   const double centre[2] = {in.cx, in.cy};
   const auto& lens = in.distortion;
   const bool rational = lens[5] != 0 || lens[6] != 0 || lens[7] != 0;
   pixels.resize(projected.size());
-  PixelsOf(lens.data(), rational, focal, centre, projected.data()->data(), projected.size(),
-           pixels.data()->data());
+  return PixelsOf(lens.data(), rational, focal, centre, projected.data()->data(), projected.size(),
+                  pixels.data()->data());
 }
 
 }  // namespace silhouette

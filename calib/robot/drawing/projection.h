@@ -11,6 +11,12 @@
 
 namespace silhouette {
 
+// What points have at least and at most: x, y, x + y, x - y.
+struct Octagon {
+  std::array<double, 4> low{};
+  std::array<double, 4> high{};
+};
+
 // Where points are in the camera's frame, and at z = 1.
 struct Extremes {
   double sum = 0;  // of all numbers' sizes: finite if all are, or too large for a body
@@ -26,8 +32,8 @@ Extremes Project(const Eigen::Isometry3d& camera_from_points,
                  const Eigen::Ref<const Eigen::Matrix3Xd>& points,
                  std::vector<Eigen::Vector2d>& projected);
 
-// PixelAt of each point at z = 1.
-void PixelsAt(const CameraIntrinsics& intrinsics, const std::vector<Eigen::Vector2d>& projected,
-              std::vector<Eigen::Vector2d>& pixels);
+// PixelAt of each point at z = 1, at least one; where they are.
+Octagon PixelsAt(const CameraIntrinsics& intrinsics, const std::vector<Eigen::Vector2d>& projected,
+                 std::vector<Eigen::Vector2d>& pixels);
 
 }  // namespace silhouette

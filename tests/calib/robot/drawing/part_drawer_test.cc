@@ -284,7 +284,9 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
         if (!at_rim) continue;
         const Mask pixel =
             Mask::FromPredicate(mask.size(), [&](int u, int v) { return u == x && v == y; });
-        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), edges, growth, scratch, pixel.words()), set)
+        const std::pair rows = x % 2 == 0 ? std::pair(y, y) : std::pair(0, mask.height() - 1);
+        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), edges, growth, scratch, pixel.words(), rows),
+                  set)
             << "trial " << trial << ", pixel " << x << ' ' << y;
         ++(set ? rim : beside);
       }
