@@ -23,12 +23,6 @@ constexpr auto kThin = static_cast<float>(PartDrawer::kThin);
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
 
-float Mean(const Lanes& v) {
-  double sum = 0;
-  for (size_t lane = 0; lane < BallNumbers::kLanes; ++lane) sum += double{v[lane]};
-  return static_cast<float>(sum / BallNumbers::kLanes);
-}
-
 float Greatest(const Lanes& v) {
   float greatest = v[0];
   for (size_t lane = 1; lane < BallNumbers::kLanes; ++lane) greatest = std::max(greatest, v[lane]);
@@ -124,15 +118,32 @@ PartBalls::PartBalls(std::span<const RobotPart> parts) {
 }
 
 void PartBalls::Group() {
+  constexpr int kSteps = 100;
   const size_t vectors = (link_.size() + BallNumbers::kLanes - 1) / BallNumbers::kLanes;
   groups_.radius.resize(vectors);
   groups_.far.resize(vectors);
   for (size_t i = 0; i < link_.size(); ++i) {
-    middles_.push_back({Mean(x_.vector(i)), Mean(y_.vector(i)), Mean(z_.vector(i))});
-    const Vector3d middle(middles_[i][0], middles_[i][1], middles_[i][2]);
-    for (size_t ball = BallNumbers::kLanes * i; ball < BallNumbers::kLanes * (i + 1); ++ball) {
-      const Vector3d centre(x_[ball], y_[ball], z_[ball]);
-      const auto away = static_cast<float>(1.000001 * (centre - middle).norm());
+    const size_t first = BallNumbers::kLanes * i;
+    const auto centre = [&](size_t ball) { return Vector3d(x_[ball], y_[ball], z_[ball]); };
+    // About the least ball: towards the farthest again and again, by less and less (Badoiu and
+    // Clarkson 2003).
+    Vector3d middle = centre(first);
+    for (int step = 2; step < kSteps; ++step) {
+      size_t farthest = first;
+      double most = 0;
+      for (size_t ball = first; ball < first + BallNumbers::kLanes; ++ball) {
+        const double reach = (centre(ball) - middle).norm() + double{balls_.radius[ball]};
+        if (reach <= most) continue;
+        most = reach;
+        farthest = ball;
+      }
+      middle += (centre(farthest) - middle) / step;
+    }
+    middle = middle.cast<float>().cast<double>();
+    middles_.push_back({static_cast<float>(middle.x()), static_cast<float>(middle.y()),
+                        static_cast<float>(middle.z())});
+    for (size_t ball = first; ball < first + BallNumbers::kLanes; ++ball) {
+      const auto away = static_cast<float>(1.000001 * (centre(ball) - middle).norm());
       groups_.radius[i] = std::max(groups_.radius[i], away + balls_.radius[ball]);
       groups_.far[i] = std::max(groups_.far[i], away + balls_.far[ball]);
     }
