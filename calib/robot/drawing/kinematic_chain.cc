@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -13,6 +15,7 @@ namespace silhouette {
 namespace {
 
 using Four [[gnu::vector_size(32)]] = double;
+using Bits [[gnu::vector_size(32)]] = int64_t;
 
 constexpr double kMostTurned = 1e6;
 
@@ -22,6 +25,48 @@ bool IsFinite(const ChainLink& link) {
 }
 
 }  // namespace
+
+// sin and 1 - cos of four angles within kMostTurned, to a unit or two of the last place. Reduced by
+// quarter turns as by Cody and Waite; polynomials and constants: fdlibm, k_sin.c and k_cos.c.
+SILHOUETTE_WIDER_VECTORS static void TurnsOf(const double* angles, double* sines,
+                                             double* versines) {
+  constexpr double kRound = 0x1.8p52;  // what is added to it is rounded to whole numbers
+  Four x;
+  std::memcpy(&x, angles, sizeof x);
+  const Four shifted = x * (2 / std::numbers::pi) + kRound;
+  Bits quarters;
+  std::memcpy(&quarters, &shifted, sizeof quarters);
+  const Four whole = shifted - kRound;
+  const Four r = ((x - whole * 1.57079632673412561417e+00) - whole * 6.07710050630396597660e-11) -
+                 whole * 2.02226624879595063154e-21;
+  const Four z = r * r;
+  const Four sine =
+      r + r * z *
+              (-1.66666666666666324348e-01 +
+               z * (8.33333333332248946124e-03 +
+                    z * (-1.98412698298579493134e-04 +
+                         z * (2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 +
+                                                                z * 1.58969099521155010221e-10)))));
+  const Four versine =
+      0.5 * z -
+      z * z *
+          (4.16666666666666019037e-02 +
+           z * (-1.38888888888741095749e-03 +
+                z * (2.48015872894767294178e-05 +
+                     z * (-2.75573143513906633035e-07 +
+                          z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
+  const Four cosine = 1 - versine;
+  const Bits odd = (quarters & 1) != 0;
+  const Bits sine_falls = (quarters & 2) != 0;
+  const Bits cosine_falls = ((quarters + 1) & 2) != 0;
+  const Four of_sine = odd ? cosine : sine;
+  const Four of_cosine = odd ? sine : cosine;
+  const Four turned = sine_falls ? -of_sine : of_sine;
+  const Four most = 1 - (cosine_falls ? -of_cosine : of_cosine);
+  const Four rest = (quarters & 3) == 0 ? versine : most;
+  std::memcpy(sines, &turned, sizeof turned);
+  std::memcpy(versines, &rest, sizeof rest);
+}
 
 // Matrices by columns. to = parent * (fixed + a * first + b * second)
 SILHOUETTE_WIDER_VECTORS static void MoveLink(const double* parent, const double* fixed,
@@ -103,23 +148,37 @@ void KinematicChain::Pose(std::span<const double> q,
                           std::vector<Eigen::Isometry3d>& base_from_link) const {
   if (q.size() != joints_.size()) throw std::invalid_argument("not a value for each joint");
   base_from_link.resize(links_.size());
+  constexpr size_t kLanes = 4;
+  double moved[kLanes];
+  double first[kLanes];
+  double second[kLanes];
   for (size_t i = 0; i < links_.size(); ++i) {
+    const size_t lane = i % kLanes;
+    if (lane == 0) {
+      for (size_t k = 0; k < kLanes; ++k) moved[k] = MovedBy(q, i + k);
+      TurnsOf(moved, first, second);
+    }
     const ChainLink& link = links_[i];
     if (link.parent < 0) {
       base_from_link[i] = link.parent_from_link;
       continue;
     }
-    double first = 0;
-    double second = 0;
-    if (link.joint >= 0) {
-      const double moved = link.factor * q[static_cast<size_t>(link.joint)] + link.offset;
-      first = link.slides ? moved : std::sin(moved);
-      second = link.slides ? 0 : 1 - std::cos(moved);
+    if (link.slides) {
+      first[lane] = moved[lane];
+      second[lane] = 0;
+    } else if (!(std::abs(moved[lane]) <= kMostTurned)) {
+      first[lane] = std::sin(moved[lane]);
+      second[lane] = 1 - std::cos(moved[lane]);
     }
     MoveLink(base_from_link[static_cast<size_t>(link.parent)].data(), link.parent_from_link.data(),
-             moves_[i].first.data(), first, moves_[i].second.data(), second,
+             moves_[i].first.data(), first[lane], moves_[i].second.data(), second[lane],
              base_from_link[i].data());
   }
+}
+
+double KinematicChain::MovedBy(std::span<const double> q, size_t link) const {
+  if (link >= links_.size() || links_[link].joint < 0) return 0;
+  return links_[link].factor * q[static_cast<size_t>(links_[link].joint)] + links_[link].offset;
 }
 
 double KinematicChain::LeverOf(size_t joint, size_t link, double radius) const {

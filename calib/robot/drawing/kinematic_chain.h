@@ -61,6 +61,9 @@ class KinematicChain {
   double LeverOf(size_t joint, size_t link, double radius) const;
 
  private:
+  // How far its joint moves the link against its parent; 0 if there is none.
+  double MovedBy(std::span<const double> q, size_t link) const;
+
   std::vector<ChainJoint> joints_;
   std::vector<ChainLink> links_;
   // By link: its pose in its parent's frame is

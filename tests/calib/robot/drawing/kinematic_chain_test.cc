@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -57,6 +59,44 @@ TEST(KinematicChain, LinksStandAsInTheModelWhicheverJointsMove) {
     for (size_t link = 0; link < poses.size(); ++link) {
       EXPECT_TRUE(poses[link].isApprox(expected[link], 1e-12));
       EXPECT_TRUE(of_some[link].isApprox(expected[link], 1e-12));
+    }
+  }
+}
+
+TEST(KinematicChain, LinksTurnByAnyAngle) {
+  Random random;
+  const Eigen::Vector3d axis = RandomDirection(random);
+  std::vector<ChainJoint> joints;
+  std::vector<ChainLink> links(1);
+  for (int i = 0; i < 5; ++i) {
+    joints.push_back({.name = "j" + std::to_string(i), .continuous = true});
+    links.push_back({.parent = 0, .joint = i, .axis = axis});
+  }
+  const KinematicChain chain(joints, links);
+  std::vector<Isometry3d> poses;
+  for (int trial = 0; trial < 20000; ++trial) {
+    std::vector<double> q;
+    for (int i = 0; i < 5; ++i) {
+      switch (random() % 4) {
+        case 0:
+          q.push_back(Uniform(random, -7, 7));
+          break;
+        case 1:  // at eighths of turns, or nearly
+          q.push_back(std::numbers::pi / 4 * std::round(Uniform(random, -40, 40)) +
+                      Uniform(random, -1e-9, 1e-9));
+          break;
+        case 2:
+          q.push_back(Uniform(random, -1e6, 1e6));
+          break;
+        default:
+          q.push_back(Uniform(random, -1, 1) * std::pow(10, Uniform(random, -20, 15)));
+      }
+    }
+    chain.Pose(q, poses);
+    for (size_t i = 0; i < 5; ++i) {
+      const Eigen::Matrix3d expected = Eigen::AngleAxisd(q[i], axis).toRotationMatrix();
+      ASSERT_LT((poses[i + 1].linear() - expected).cwiseAbs().maxCoeff(), 2e-15) << q[i];
+      ASSERT_TRUE(poses[i + 1].translation().isZero(0));
     }
   }
 }
