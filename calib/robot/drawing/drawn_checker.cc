@@ -64,7 +64,6 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
     plane.distances = PlaneDistances(*shown[view]);
     plane.rows = RowsOf(*shown[view]);
     plane.mask = *std::move(shown[view]);
-    ++filled_;
   }
 }
 
