@@ -113,7 +113,8 @@ absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) 
 // By view, of those that were made of camera images.
 using Conditions = std::vector<std::optional<ImageCondition>>;
 
-// Mask pixels from the rim of one to the rim of another: up to two pixels further.
+// Mask pixels from the rim of one to the rim of another: up to one pixel further, and up to two.
+constexpr double kBeside = 1;
 constexpr double kBetweenImages = 1.5;
 
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
@@ -127,7 +128,9 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
   }
   if (shown.strong && shown.strong_before && !covers.empty()) {
     const Mask& robot = covers[at].anywhere;
-    shown.strong = *shown.strong & (robot | Grown(*shown.strong_before - robot, kBetweenImages));
+    const Mask before = *shown.strong_before - robot;
+    const Mask moved = before - *shown.strong;
+    shown.strong = *shown.strong & (robot | Grown(before, kBeside) | Grown(moved, kBetweenImages));
   }
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[at] = SceneView{.name = input.view,

@@ -103,17 +103,19 @@ TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
   const Mask around = Grown(robot, 0.5) - robot;
   Mask rim;
   Mask beside;
+  Mask two_away;
   for (int y = 0; y < robot.height(); ++y) {
-    for (int x = 1; x < robot.width(); ++x) {
-      if (!rim.Empty() || !around.at(x - 1, y) || !around.at(x, y)) continue;
+    for (int x = 1; x + 2 < robot.width(); ++x) {
+      if (!rim.Empty() || !around.at(x - 1, y) || !around.at(x, y) || robot.at(x + 2, y)) continue;
       rim = pixel(x, y);
       beside = pixel(x - 1, y);
+      two_away = pixel(x + 2, y);
     }
   }
   ASSERT_FALSE(rim.Empty());
-  const auto obstacle = [&](const std::optional<Mask>& before) {
-    input.views[0].image =
-        SceneMask{.mask = robot | rim, .strong = robot | rim, .strong_before = before};
+  const auto obstacle = [&](const std::optional<Mask>& before, const Mask& other = {}) {
+    const Mask shown = other.Empty() ? robot | rim : robot | rim | other;
+    input.views[0].image = SceneMask{.mask = shown, .strong = shown, .strong_before = before};
     const absl::StatusOr<Scene> scene = Make(*database, input);
     EXPECT_TRUE(scene.ok()) << scene.status();
     EXPECT_EQ(*scene->views[0]->strong & robot, robot);
@@ -123,6 +125,9 @@ TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
   EXPECT_TRUE(obstacle(robot).Empty()) << "the robot alone is no evidence of something beside it";
   EXPECT_EQ(obstacle(robot | rim), rim);
   EXPECT_EQ(obstacle(beside), rim) << "it moved by a pixel";
+  EXPECT_EQ(obstacle(two_away), rim) << "it moved by two";
+  EXPECT_EQ(obstacle(two_away, two_away), two_away) << "what stands there still is something else";
+  EXPECT_EQ(obstacle(rim | two_away, two_away), rim | two_away);
   EXPECT_TRUE(obstacle(pixel(robot.width() - 1, 0)).Empty()) << "something else";
   EXPECT_EQ(obstacle(std::nullopt), rim) << "a single image";
   input.views[0].image = SceneMask{.mask = robot, .strong = robot, .strong_before = Mask({3, 3})};
