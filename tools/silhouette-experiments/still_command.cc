@@ -188,6 +188,8 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
   }
   LiveConfig config = LiveConfigOf(workplace.cell());
   config.live.interval = absl::ZeroDuration();
+  // Each image is the one just before the next, however busy this computer is.
+  config.live.evidence_gap = absl::InfiniteDuration();
   if (arguments.weak_rim != "cell") {
     config.scene.weak_rim =
         arguments.weak_rim == "unknown" ? WeakRim::kUnknown : WeakRim::kObstacle;
