@@ -49,36 +49,61 @@ std::vector<int> OddTags(const std::vector<Moved>& corners) {
   return 2 * odd.size() < off.size() ? odd : std::vector<int>();
 }
 
-// The motion of the image's plane, x + shift + turn * (-y, x) about `middle`, by least squares.
-void FitMotion(const std::vector<Moved>& corners, const Vector2d& middle, ViewDrift& drift) {
-  Vector2d centre = Vector2d::Zero();
+// How far the images of points move that are not on the tags, against what moves of the tags'
+// corners remains unexplained: of a camera that was carried, near things move more than far ones.
+constexpr double kNearer = 4;
+constexpr double kSure = 2;  // standard deviations
+
+// What the corners say of a motion of the image's plane.
+struct PlaneMotion {
+  Vector2d shift;     // of `middle`
+  double turn = 0;    // about it
+  double scale = 0;   // from it
+  double unsure = 0;  // of turn and scale: kSure standard deviations
+  Vector2d centre;    // of the corners, where `unsure` does not matter
+  double left = 0;    // root mean square of what this does not explain, of one coordinate
+  double beyond = 0;  // by which that exceeds the corners' noise
+
+  Vector2d At(const Vector2d& from_middle) const {
+    return shift + scale * from_middle + turn * Vector2d(-from_middle.y(), from_middle.x());
+  }
+};
+
+// By least squares.
+PlaneMotion FitMotion(const std::vector<Moved>& corners, const Vector2d& middle) {
+  PlaneMotion fit{.shift = Vector2d::Zero(), .centre = Vector2d::Zero()};
   Vector2d mean = Vector2d::Zero();
   for (const Moved& corner : corners) {
-    centre += corner.before / static_cast<double>(corners.size());
+    fit.centre += corner.before / static_cast<double>(corners.size());
     mean += (corner.after - corner.before) / static_cast<double>(corners.size());
   }
   double turning = 0;
+  double growing = 0;
   double arms = 0;
   double sigma = 0;
   for (const Moved& corner : corners) {
-    const Vector2d arm = corner.before - centre;
+    const Vector2d arm = corner.before - fit.centre;
     const Vector2d motion = corner.after - corner.before - mean;
     turning += arm.x() * motion.y() - arm.y() * motion.x();
+    growing += arm.dot(motion);
     arms += arm.squaredNorm();
     sigma = std::max(sigma, corner.sigma);
   }
-  const double turn = arms > 0 ? turning / arms : 0;
-  const bool sure = arms > 0 && std::abs(turn) > 4 * sigma / std::sqrt(arms);
-  drift.turn = sure ? turn : 0;
-  const Vector2d arm = middle - centre;
-  drift.shift = mean + drift.turn * Vector2d(-arm.y(), arm.x());
+  if (arms > 0) {
+    fit.turn = turning / arms;
+    fit.scale = growing / arms;
+  }
+  fit.shift = mean;
+  fit.shift = fit.At(middle - fit.centre);
   double squares = 0;
   for (const Moved& corner : corners) {
-    const Vector2d from = corner.before - middle;
-    const Vector2d expected = drift.shift + drift.turn * Vector2d(-from.y(), from.x());
-    squares += (corner.after - corner.before - expected).squaredNorm() / 2;
+    squares += (corner.after - corner.before - fit.At(corner.before - middle)).squaredNorm();
   }
-  drift.rms_left = std::sqrt(squares / static_cast<double>(corners.size()));
+  const double freedom = std::max(1.0, 2 * static_cast<double>(corners.size()) - 4);
+  fit.left = std::sqrt(squares / freedom);
+  fit.beyond = std::sqrt(std::max(0.0, fit.left * fit.left - sigma * sigma));
+  fit.unsure = arms > 0 ? kSure * std::max(sigma, fit.left) / std::sqrt(arms) : 1;
+  return fit;
 }
 
 }  // namespace
@@ -142,35 +167,37 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
     return std::ranges::find(drift.odd_tags, corner.tag) != drift.odd_tags.end();
   });
   const PixelSize image = sizes.image;
-  FitMotion(corners, {0.5 * (image.width - 1), 0.5 * (image.height - 1)}, drift);
+  const Vector2d middle(0.5 * (image.width - 1), 0.5 * (image.height - 1));
+  const PlaneMotion motion = FitMotion(corners, middle);
+  drift.shift = motion.shift;
+  drift.turn = motion.turn;
+  drift.scale = motion.scale;
+  drift.rms_left = motion.left;
   const Vector2d to_mask(static_cast<double>(sizes.mask.width) / image.width,
                          static_cast<double>(sizes.mask.height) / image.height);
-  const auto count = [&](const Vector2d& motion) {
-    drift.moved = std::max(drift.moved, motion.norm());
-    drift.moved_mask = std::max(drift.moved_mask, motion.cwiseProduct(to_mask).norm());
-  };
+  double unsure = 0;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
-      count(drift.shift + drift.turn * Vector2d(-y * image.height, x * image.width));
+      const Vector2d from_middle(x * image.width, y * image.height);
+      const Vector2d moved = motion.At(from_middle);
+      const double more = motion.unsure * (from_middle + middle - motion.centre).norm();
+      const double not_known = more + kNearer * motion.beyond;
+      drift.moved = std::max(drift.moved, moved.norm() + not_known);
+      drift.moved_mask = std::max(
+          drift.moved_mask, moved.cwiseProduct(to_mask).norm() + not_known * to_mask.maxCoeff());
+      unsure = std::max(unsure, more);
     }
   }
-  // Motions that are no turn: of a camera that was carried, near things move more than far ones.
-  std::vector<double> lengths;
   for (const Moved& corner : corners) {
-    lengths.push_back((corner.after - corner.before).norm());
     drift.before.push_back(corner.before);
     drift.after.push_back(corner.after);
-  }
-  const double median = Median(lengths);
-  if (median > drift.moved) {
-    drift.moved_mask *= drift.moved > 0 ? median / drift.moved : 0;
-    drift.moved_mask = std::max(drift.moved_mask, median * to_mask.maxCoeff());
-    drift.moved = median;
   }
   drift.corners = static_cast<int>(corners.size());
   drift.checked = true;
   if (!drift.odd_tags.empty()) {
     drift.message = absl::StrCat(drift.odd_tags.size(), " tags moved by themselves");
+  } else if (unsure > drift.moved / 2) {
+    drift.message = "most of it is not known: show it more tags, spread over the image";
   }
   return drift;
 }

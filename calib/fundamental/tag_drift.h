@@ -29,11 +29,13 @@ struct ViewDrift {
   bool checked = false;  // else `message` says why not, and the mend
   std::string message;
   int corners = 0;  // that were compared
-  // The image's motion: a shift of its middle, and a turn about it (radians, clockwise).
+  // The image's motion: a shift of its middle, a turn about it (radians, clockwise), and how much
+  // it grew.
   Eigen::Vector2d shift = Eigen::Vector2d::Zero();
   double turn = 0;
-  double rms_left = 0;  // of what that does not explain
-  // The most that a point of the image moved.
+  double scale = 0;
+  double rms_left = 0;  // of one coordinate, of what that does not explain
+  // The most that the image of a point in the cell may have moved.
   double moved = 0;
   double moved_mask = 0;  // in mask pixels
   // Tags that moved by themselves.
@@ -44,8 +46,9 @@ struct ViewDrift {
 };
 
 // `before`: how the camera saw the tags when it was calibrated; `after`: how it sees them now. Both
-// may have tags of other views. A turn counts if it is more than four standard deviations. One tag
-// among three or more that disagrees with the rest was moved itself.
+// may have tags of other views. Uncertain turns count with two standard deviations, and what is no
+// shift, turn and growth four times: near things move more than tags behind them, if a camera was
+// carried. One tag among three or more that disagrees with the rest was moved itself.
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
                       const std::map<SeenTag, TagSighting>& after);

@@ -375,12 +375,12 @@ std::string TextOf(const Checked& checked) {
       absl::StrAppend(&text, drift.view, ": not checked: ", drift.message, "\n");
       continue;
     }
-    absl::StrAppendFormat(&text, "%s: %s by %.2f px (%.3f mask px): shift (%.2f, %.2f) px",
+    absl::StrAppendFormat(&text, "%s: %s by up to %.2f px (%.3f mask px): shift (%.2f, %.2f) px",
                           drift.view, checked.check.views[i].holds ? "holds, moved" : "MOVED",
                           drift.moved, drift.moved_mask, drift.shift.x(), drift.shift.y());
     if (drift.corners > 0) {
-      absl::StrAppendFormat(&text, ", turn %.3f deg; %d corners, %.3f px rms left",
-                            Degrees(drift.turn), drift.corners, drift.rms_left);
+      absl::StrAppendFormat(&text, ", turn %.3f deg, growth %.2f %%; %d corners, %.3f px rms left",
+                            Degrees(drift.turn), 100 * drift.scale, drift.corners, drift.rms_left);
     }
     absl::StrAppend(&text, drift.message.empty() ? "" : "; ", drift.message, "\n");
   }
@@ -398,6 +398,7 @@ nlohmann::ordered_json JsonOf(const Checked& checked) {
     view["corners"] = drift.corners;
     view["shift_px"] = {drift.shift.x(), drift.shift.y()};
     view["turn_deg"] = Degrees(drift.turn);
+    view["growth"] = drift.scale;
     view["rms_left_px"] = drift.rms_left;
     view["odd_tags"] = drift.odd_tags;
   }

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/fundamental/tag_drift.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace silhouette {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kFocal = 400;  // pixels, of images of 320 x 240
+constexpr double kNoise = 0.03;
+constexpr double kLimit = 0.2;  // mask pixels
+const ViewSizes kSizes{.image = {320, 240}, .mask = {64, 64}};
+
+Vector2d Seen(const Isometry3d& camera_from_cell, const Vector3d& point, double focal = kFocal) {
+  const Vector3d at = camera_from_cell * point;
+  return Vector2d(159.5, 119.5) + focal * at.head<2>() / at.z();
+}
+
+// Tags of 0.2 m on the floor, 3 to 4 m before the camera.
+struct TagDriftTest : testing::Test {
+  std::mt19937 random{1};
+
+  std::map<SeenTag, TagSighting> Look(const Isometry3d& camera_from_cell, int tags,
+                                      double focal = kFocal) {
+    std::normal_distribution<double> noise(0, kNoise);
+    std::map<SeenTag, TagSighting> seen;
+    for (int tag = 0; tag < tags; ++tag) {
+      TagSighting sighting{.frame = "", .view = "left", .family = "f", .tag = tag, .sigma = kNoise};
+      const Vector3d at(-1 + 0.9 * (tag % 3), 0.7 - 0.8 * (tag / 3), 3.2 + 0.7 * (tag / 3));
+      for (const Vector2d& corner : {Vector2d(0, 0), {0.2, 0}, {0.2, 0.2}, {0, 0.2}}) {
+        const Vector3d point = at + Vector3d(corner.x(), corner.y(), 0);
+        sighting.corners.push_back(Seen(camera_from_cell, point, focal) +
+                                   Vector2d(noise(random), noise(random)));
+      }
+      seen.emplace(SeenTag{"left", "f", tag}, sighting);
+    }
+    return seen;
+  }
+
+  ViewDrift Drift(const Isometry3d& moved, int tags = 6, double focal = kFocal) {
+    return DriftByTags("left", kSizes, Look(Isometry3d::Identity(), tags),
+                       Look(moved, tags, focal));
+  }
+};
+
+// Of points of the workspace, which is nearer than the floor.
+double TrueMotion(const Isometry3d& moved) {
+  double most = 0;
+  for (const double z : {2.4, 3.4}) {
+    for (const double x : {-0.5, 0.5}) {
+      for (const double y : {-0.5, 0.5}) {
+        const Vector2d motion = Seen(moved, {x, y, z}) - Seen(Isometry3d::Identity(), {x, y, z});
+        most = std::max(most, motion.cwiseProduct(Vector2d(64.0 / 320, 64.0 / 240)).norm());
+      }
+    }
+  }
+  return most;
+}
+
+TEST_F(TagDriftTest, CameraThatStandsIsConfirmed) {
+  for (int i = 0; i < 100; ++i) {
+    EXPECT_LT(Drift(Isometry3d::Identity()).moved_mask, kLimit / 2);
+  }
+}
+
+TEST_F(TagDriftTest, CameraThatWasCarriedMovedAsFarAsItMovesTheWorkspace) {
+  for (const Vector3d& way : {Vector3d(0, 0, 0.05), {0, 0, -0.05}, {0.02, 0, 0}, {0, 0.02, 0.02}}) {
+    for (int i = 0; i < 20; ++i) {
+      // Turned back, so that the tags' images stay about where they were.
+      Isometry3d moved = Isometry3d::Identity();
+      moved.rotate(Eigen::AngleAxisd(way.x() / 3.5, -Vector3d::UnitY()));
+      moved.rotate(Eigen::AngleAxisd(way.y() / 3.5, Vector3d::UnitX()));
+      moved.pretranslate(way);
+      EXPECT_GT(Drift(moved).moved_mask, 0.8 * TrueMotion(moved)) << way.transpose();
+    }
+  }
+}
+
+TEST_F(TagDriftTest, ChangedFocusCounts) {
+  const ViewDrift drift = Drift(Isometry3d::Identity(), 6, 1.008 * kFocal);
+  EXPECT_NEAR(drift.scale, 0.008, 0.001);
+  EXPECT_GT(drift.moved, 0.008 * 200) << "in the image's corners";
+}
+
+TEST_F(TagDriftTest, TurnAboutTheOnlyTagIsNotConfirmed) {
+  const Vector3d tag = Vector3d(-0.9, 0.8, 3.2).normalized();
+  for (int i = 0; i < 20; ++i) {
+    const Isometry3d turned(Eigen::AngleAxisd(0.5 * EIGEN_PI / 180, tag));
+    EXPECT_GT(Drift(turned, 1).moved_mask, kLimit);
+  }
+}
+
+}  // namespace
+}  // namespace silhouette
