@@ -266,7 +266,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
     RETURN_IF_ERROR(JudgeCamera(settings, seen[i], camera, solution.warnings));
   }
   for (const LensGroup& group : solution.groups) {
-    if (group.noise > 3) {
+    if (group.noise > 2) {
       solution.warnings.push_back(
           absl::StrFormat("the corners are %.1f times as far off as their sigma says: the lens "
                           "model may not fit, the "

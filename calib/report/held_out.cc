@@ -35,8 +35,12 @@ class FrameBundle {
       bundle_.cameras.push_back(
           {.name{}, .pose = task.training.views[i].camera_pose, .constant = true});
     }
-    bundle_.sizes = {1};
-    bundle_.size_sigmas = {0};
+    for (const PoseBoard& board : network.boards) {
+      const auto solved = std::ranges::find(task.training.boards, board.board.description().name,
+                                            &SolvedBoard::name);
+      bundle_.sizes.push_back(solved == task.training.boards.end() ? 1 : solved->size);
+      bundle_.size_sigmas.push_back(0);
+    }
     for (const size_t look : looks) Add(look);
   }
 
@@ -63,7 +67,6 @@ class FrameBundle {
       BundleCorner& added = bundle_.corners.emplace_back(CornerOf(network_, index, place));
       added.flange = flange;
       added.board_pose = board;
-      added.size = 0;
       added.sigma = SigmaOf(look, corner.sigma);
     }
   }

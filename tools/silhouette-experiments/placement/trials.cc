@@ -55,7 +55,7 @@ std::vector<ConfigurationNumber> SampleNumbers(const ConfigurationGrid& grid, si
 }
 
 // The configurations at the ends of all joints' ranges, where the robot reaches far.
-std::vector<Configuration> Extremes(const ConfigurationGrid& grid) {
+std::vector<Configuration> ExtremeConfigurations(const ConfigurationGrid& grid) {
   std::vector<Configuration> extremes = {{}};
   for (const GridJoint& joint : grid.joints()) {
     std::vector<Configuration> longer;
@@ -213,7 +213,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
     poses.push_back(pose);
   }
   looked_at = poses;
-  for (const Configuration& q : Extremes(grid)) {
+  for (const Configuration& q : ExtremeConfigurations(grid)) {
     ASSIGN_OR_RETURN(const Poses pose, pose_at(q));
     looked_at.push_back(pose);
   }
