@@ -212,6 +212,37 @@ std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
                                       variant.empty() ? KnownVariant() : KnownVariant(variant));
 }
 
+absl::Duration LatencyOf(const ImageSource& source) {
+  return std::visit(
+      [](const auto& camera) {
+        if constexpr (requires { camera.trigger; }) {
+          if (camera.trigger == CameraTrigger::kSoftware) return absl::ZeroDuration();
+        }
+        if constexpr (requires { camera.latency; }) {
+          return camera.latency;
+        } else {
+          return absl::ZeroDuration();
+        }
+      },
+      source);
+}
+
+// An image is taken for as old as its latency when it comes, and the next one comes at the earliest
+// a latency later.
+void WarnOfLatency(const Cell& cell) {
+  for (const ViewSettings& view : cell.views) {
+    const absl::Duration latency = LatencyOf(view.source);
+    if (2 * latency < 0.9 * cell.server.scene.max_age) continue;
+    spdlog::warn(
+        "view '{}': with a latency of {} a scene is more than {} old before the next one comes, "
+        "and "
+        "is stale meanwhile: state a greater 'server: max_age' than {}, or the camera's latency if "
+        "it is less",
+        view.name, absl::FormatDuration(latency), absl::FormatDuration(2 * latency),
+        absl::FormatDuration(cell.server.scene.max_age));
+  }
+}
+
 // Opens the devices that the cell's file names and publishes scenes to `server`, which must outlive
 // it. `obstacles`: a file of the obstacles in a simulated cell; empty: none. Errors: those of
 // OpenersOf and LiveLoop::Start.
@@ -231,6 +262,7 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
+  WarnOfLatency(cell);
   ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
   LiveConfig config = LiveConfigOf(cell);
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
