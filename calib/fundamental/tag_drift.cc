@@ -52,14 +52,14 @@ std::vector<int> OddTags(const std::vector<Moved>& corners) {
 // How far the images of points move that are not on the tags, against what moves of the tags'
 // corners remains unexplained: of a camera that was carried, near things move more than far ones.
 constexpr double kNearer = 4;
-constexpr double kSure = 2;  // standard deviations
+constexpr double kTurnSigmas = 2;
 
 // What the corners say of a motion of the image's plane.
 struct PlaneMotion {
   Vector2d shift;     // of `middle`
   double turn = 0;    // about it
   double scale = 0;   // from it
-  double unsure = 0;  // of turn and scale: kSure standard deviations
+  double unsure = 0;  // of turn and scale: kTurnSigmas standard deviations of either
   Vector2d centre;    // of the corners, where `unsure` does not matter
   double left = 0;    // root mean square of what this does not explain, of one coordinate
   double beyond = 0;  // by which that exceeds the corners' noise
@@ -102,7 +102,7 @@ PlaneMotion FitMotion(const std::vector<Moved>& corners, const Vector2d& middle)
   const double freedom = std::max(1.0, 2 * static_cast<double>(corners.size()) - 4);
   fit.left = std::sqrt(squares / freedom);
   fit.beyond = std::sqrt(std::max(0.0, fit.left * fit.left - sigma * sigma));
-  fit.unsure = arms > 0 ? kSure * std::max(sigma, fit.left) / std::sqrt(arms) : 1;
+  fit.unsure = arms > 0 ? kTurnSigmas * std::max(sigma, fit.left) / std::sqrt(arms) : 1;
   return fit;
 }
 
