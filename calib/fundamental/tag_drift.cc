@@ -53,6 +53,7 @@ std::vector<int> OddTags(const std::vector<Moved>& corners) {
 // corners remains unexplained: of a camera that was carried, near things move more than far ones.
 constexpr double kNearer = 4;
 constexpr double kTurnSigmas = 2;
+constexpr size_t kFewCorners = 12;
 
 // What the corners say of a motion of the image's plane.
 struct PlaneMotion {
@@ -175,7 +176,6 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
   drift.rms_left = motion.left;
   const Vector2d to_mask(static_cast<double>(sizes.mask.width) / image.width,
                          static_cast<double>(sizes.mask.height) / image.height);
-  double unsure = 0;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
       const Vector2d from_middle(x * image.width, y * image.height);
@@ -185,7 +185,6 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
       drift.moved = std::max(drift.moved, moved.norm() + not_known);
       drift.moved_mask = std::max(
           drift.moved_mask, moved.cwiseProduct(to_mask).norm() + not_known * to_mask.maxCoeff());
-      unsure = std::max(unsure, more);
     }
   }
   for (const Moved& corner : corners) {
@@ -196,8 +195,8 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
   drift.checked = true;
   if (!drift.odd_tags.empty()) {
     drift.message = absl::StrCat(drift.odd_tags.size(), " tags moved by themselves");
-  } else if (unsure > drift.moved / 2) {
-    drift.message = "most of it is not known: show it more tags, spread over the image";
+  } else if (corners.size() < kFewCorners) {
+    drift.message = "three tags or more, spread over the image, would tell more";
   }
   return drift;
 }

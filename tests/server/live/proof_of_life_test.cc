@@ -165,7 +165,8 @@ TEST_F(ProofOfLifeTest, StillImageWhileTheRobotMovesIsDeadUntilItChanges) {
     // Noise is added to a still image; the robot says that it is elsewhere.
     const absl::Status status = Moved(*proof, Live(), 12, Bar(2));
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
-    EXPECT_THAT(std::string(status.message()), HasSubstr("the robot moved"));
+    EXPECT_THAT(std::string(status.message()),
+                HasSubstr("the robot did not move as its driver reports"));
     EXPECT_TRUE(proof->AnyDead());
     EXPECT_FALSE(Moved(*proof, Live(), 2, Bar(2)).ok()) << "and back again";
     robot = 12;

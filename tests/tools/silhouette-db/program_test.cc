@@ -136,7 +136,9 @@ TEST_F(SilhouetteDb, VerifyTellsViewsThatNeverShowTheRobot) {
       if (!grid.Contains(number)) continue;
       RobotImage image = TestImage(**database, number);
       image.excluded = false;
-      image.masks[1] = Mask(image.masks[1].size());
+      image.masks = {
+          Mask::FromPredicate({64, 64}, [&](int x, int) { return x == static_cast<int>(number); }),
+          Mask({33, 20})};
       ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
     }
     ASSERT_TRUE(writer->Commit().ok());
