@@ -163,7 +163,7 @@ TEST_F(WideRobotTest, CameraThatDoesNotSeeTheRobotMoveIsMissingUntilItDoes) {
     to.joints[2] = At(4, 0)[0];
     *shown = {4, 4, 0};
   });
-  ViewIsMissingBecause("the robot moved");
+  ViewIsMissingBecause("the robot did not move as its driver reports");
   for (uint64_t id = Newest()->id; id > 0; --id) {
     const SharedScene scene = scenes.Find(id);
     if (scene == nullptr || scene->joints.empty() || scene->joints[0].position == 0) break;
