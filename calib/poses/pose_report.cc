@@ -188,8 +188,7 @@ void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& 
     solution.warnings.push_back(absl::StrFormat(
         "the robot's poses are off by %.1f times the sigma stated: either it is less precise, and "
         "--robot-sigma %.2gmm,%.2gdeg would be right, or a lens is not as described, or a camera "
-        "or "
-        "a board moved meanwhile; 'silhouette-calibrate report' can tell",
+        "or a board moved meanwhile; 'silhouette-calibrate report' can tell",
         factors.robot, 1000 * flange.position_sigma, flange.rotation_sigma / kDegree));
   }
 }

@@ -14,12 +14,18 @@ namespace silhouette {
 class Lateness {
  public:
   // `sent`: by the device's clock; `arrived`: by the running clock. How much longer it was under
-  // way than the quickest so far, beyond what the clocks may have run apart.
-  absl::Duration Of(absl::Duration sent, absl::Duration arrived) {
+  // way than the quickest so far, beyond what the clocks may have run apart. Nothing, if that is
+  // not known: it is the first, or came in less than half the time in which it was sent, after one
+  // that was the quickest so far. So what has piled up comes while a stream is opened.
+  std::optional<absl::Duration> Of(absl::Duration sent, absl::Duration arrived) {
     const absl::Duration delay = arrived - sent;
-    if (least_) *least_ += kDrift * std::max(arrived - last_, absl::ZeroDuration());
-    last_ = arrived;
+    const bool first = !least_;
+    if (!first) *least_ += kDrift * std::max(arrived - last_arrived_, absl::ZeroDuration());
+    const bool draining = !first && delay < *least_ - (sent - last_sent_) / 2;
+    last_sent_ = sent;
+    last_arrived_ = arrived;
     least_ = std::min(least_.value_or(delay), delay);
+    if (first || draining) return std::nullopt;
     return delay - *least_;
   }
 
@@ -28,7 +34,8 @@ class Lateness {
   static constexpr double kDrift = 1e-3;
 
   std::optional<absl::Duration> least_;  // delay, of unknown zero
-  absl::Duration last_;                  // arrival
+  absl::Duration last_sent_;
+  absl::Duration last_arrived_;
 };
 
 }  // namespace silhouette

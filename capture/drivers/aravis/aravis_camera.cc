@@ -163,7 +163,9 @@ class GenicamCamera : public CameraSource {
   absl::Duration LateBy(ArvBuffer* buffer, absl::Time arrived) {
     const guint64 sent = arv_buffer_get_timestamp(buffer);
     if (sent == 0) return absl::ZeroDuration();
-    return lateness_.Of(absl::Nanoseconds(sent), RunningNow() - (absl::Now() - arrived));
+    // Nothing has piled up while acquisition starts.
+    return lateness_.Of(absl::Nanoseconds(sent), RunningNow() - (absl::Now() - arrived))
+        .value_or(absl::ZeroDuration());
   }
 
   // Throws away all that is under way.

@@ -109,10 +109,12 @@ class StreamCamera : public CameraSource {
     return stopping_;
   }
 
-  // How long the image that was read last was held up; 0 if the stream has no times.
+  // How long the image that was read last was held up: 0 if the stream has no times, infinite if
+  // that is not known yet.
   absl::Duration Late(absl::Duration now) {
     const double sent = stream_.get(cv::CAP_PROP_POS_MSEC);
-    return sent > 0 ? lateness_.Of(absl::Milliseconds(sent), now) : absl::ZeroDuration();
+    if (!(sent > 0)) return absl::ZeroDuration();
+    return lateness_.Of(absl::Milliseconds(sent), now).value_or(absl::InfiniteDuration());
   }
 
   // Whether an image that was taken at `taken` or later is the one that is waited for.
