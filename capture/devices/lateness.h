@@ -14,9 +14,9 @@ namespace silhouette {
 class Lateness {
  public:
   // `sent`: by the device's clock; `arrived`: by the running clock. How much longer it was under
-  // way than the quickest so far, beyond what the clocks may have run apart. Nothing, if that is
-  // not known: it is the first, or came in less than half the time in which it was sent, after one
-  // that was the quickest so far. So what has piled up comes while a stream is opened.
+  // way than the quickest so far, beyond what the clocks may have run apart. Nothing: not known. It
+  // is the first, or quicker than all before by more than half of the time since the last one was
+  // sent: then what had piled up when the stream began is still being read.
   std::optional<absl::Duration> Of(absl::Duration sent, absl::Duration arrived) {
     const absl::Duration delay = arrived - sent;
     const bool first = !least_;
