@@ -51,7 +51,7 @@ class ObstacleImage {
   // A preset that counts views loses at most what it loses to a robot that hides these pixels. What
   // reaches farther than one pixel from the robot, joins what does, or is plain in a single camera
   // pixel stays an obstacle. Throws std::invalid_argument if the sizes differ.
-  static constexpr size_t kMostWeakPixels = 2;
+  static constexpr size_t kMostWeakPixels = 3;
   ObstacleImage WithoutWeakRim(const Mask& strong, const Mask& anywhere) const;
 
   // The image where the pixels of `ignored` prove nothing, such as those of a pillar before the

@@ -27,6 +27,8 @@ std::vector<bool> HaveNoise(const storage::v1::CellDescription& cell,
 // How often a view's slow light learns, and how long ago the image before may have been taken.
 constexpr absl::Duration kLearnInterval = absl::Seconds(1);
 constexpr absl::Duration kLongestGap = absl::Seconds(10);
+// Through how many images before it evidence at the robot's rim has to last.
+constexpr size_t kEvidenceImages = 2;
 
 // What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
 // `since`, the time since it did so, is long enough; it is then set to 0.
@@ -179,8 +181,11 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     const absl::Duration taken = taken_of(view);
     oldest = std::min(oldest, taken);
     newest = std::max(newest, taken);
-    std::optional<Mask> strong = std::exchange(before_[view].strong, seen[view]->strong);
-    if (gap_of(view) <= config_.live.evidence_gap) seen[view]->strong_before = std::move(strong);
+    std::vector<Mask>& before = before_[view].strong;
+    if (gap_of(view) > config_.live.evidence_gap) before.clear();
+    seen[view]->strong_before = before;
+    before.insert(before.begin(), *seen[view]->strong);
+    if (before.size() > kEvidenceImages) before.pop_back();
     before_[view].taken = taken;
   }
   if (oldest > newest) oldest = newest = arrived.running;

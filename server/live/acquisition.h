@@ -103,8 +103,8 @@ class Acquisition {
   absl::Duration lights_learnt_;  // running clock of the newest image set
   // Of a view's images; begun again with another database.
   struct Before {
-    absl::Duration taken;        // the newest one's time, running clock
-    std::optional<Mask> strong;  // its SceneMask::strong
+    absl::Duration taken;      // the newest one's time, running clock
+    std::vector<Mask> strong;  // SceneMask::strong of the newest ones, each just before the next
   };
   std::vector<Before> before_;
   Helpers helpers_;

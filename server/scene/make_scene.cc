@@ -69,7 +69,7 @@ absl::StatusOr<SceneMask> ShownIn(const ServedDatabase& database, int view, cons
   if (const auto* scene = std::get_if<SceneMask>(&input.image)) {
     RETURN_IF_ERROR(CheckMask(scene->mask, size));
     if (scene->strong) RETURN_IF_ERROR(CheckMask(*scene->strong, size));
-    if (scene->strong_before) RETURN_IF_ERROR(CheckMask(*scene->strong_before, size));
+    for (const Mask& before : scene->strong_before) RETURN_IF_ERROR(CheckMask(before, size));
     if (scene->thin) RETURN_IF_ERROR(CheckMask(*scene->thin, size));
     return *scene;
   }
@@ -117,6 +117,16 @@ using Conditions = std::vector<std::optional<ImageCondition>>;
 constexpr double kBeside = 1;
 constexpr double kBetweenImages = 1.5;
 
+// What of the evidence `strong` is on the robot, or was in all images before (SceneMask).
+Mask Lasting(const Mask& strong, const std::vector<Mask>& before, const Mask& robot) {
+  Mask lasting = before.back() - robot;
+  const auto into = [&](const Mask& next) {
+    return next & (Grown(lasting, kBeside) | Grown(lasting - next, kBetweenImages));
+  };
+  for (size_t i = before.size() - 1; i > 0; --i) lasting = into(before[i - 1] - robot);
+  return strong & (robot | into(strong));
+}
+
 absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured,
                      const std::vector<RobotCover>& covers, Scene& scene, Conditions& conditions) {
@@ -126,11 +136,8 @@ absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
   if (shown.thin && !covers.empty()) {
     shown.mask = shown.mask | (*shown.thin & covers[at].anywhere);
   }
-  if (shown.strong && shown.strong_before && !covers.empty()) {
-    const Mask& robot = covers[at].anywhere;
-    const Mask before = *shown.strong_before - robot;
-    const Mask moved = before - *shown.strong;
-    shown.strong = *shown.strong & (robot | Grown(before, kBeside) | Grown(moved, kBetweenImages));
+  if (shown.strong && !shown.strong_before.empty() && !covers.empty()) {
+    shown.strong = Lasting(*shown.strong, shown.strong_before, covers[at].anywhere);
   }
   const ViewTreatment& treatment = database.treatment(view);
   scene.views[at] = SceneView{.name = input.view,

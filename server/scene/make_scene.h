@@ -34,12 +34,12 @@ struct SceneMask {
   // Further pixels that are foreground if the robot is there (GradedMask::thin): its thin parts are
   // seen, as in its images, and a shadow on it does not make it missing; nothing: none.
   std::optional<Mask> thin = std::nullopt;
-  // What `strong` was of the view's image just before. Outside the robot, evidence is then strong
-  // only where that image had some in the mask pixel or its neighbours, or two mask pixels away
-  // where there is none any more: noise at the rim of a shadow is in one image, a hand in the next
-  // one, too, where it was or came from. What stands beside it does not vouch for it. Nothing:
-  // there was no image just before, and all counts.
-  std::optional<Mask> strong_before = std::nullopt;
+  // What `strong` was of the view's images just before, the newest first. Outside the robot,
+  // evidence is then strong only if it lasted through all of them: each had some in the mask pixel
+  // or its neighbours, or two mask pixels away where the next one has none any more. Noise at the
+  // rim of a shadow comes and goes, a hand stays where it was or came from. What stands beside it
+  // does not vouch for it. Empty: there was no image just before, and all counts.
+  std::vector<Mask> strong_before = {};
 };
 // Of a camera image of a view of the database, and its GradedForeground(). Throws what
 // ConditionOf() does.

@@ -138,8 +138,8 @@ Rows WithoutWeakRim(const Rows& rows) {
 }
 
 TEST(WeakRim, LoneFaintComponentsThatTouchTheRobotAreUnknown) {
-  EXPECT_EQ(WithoutWeakRim({"RBBB", "RoBB", "RBBB", "RoBB", "RoBB", "BBBB"}),
-            (Rows{"UBBB", "UUBB", "UBBB", "UUBB", "UUBB", "BBBB"}));
+  EXPECT_EQ(WithoutWeakRim({"RBBB", "RoBB", "RBBB", "RoBB", "RoBB", "RoBB", "BBBB"}),
+            (Rows{"UBBB", "UUBB", "UBBB", "UUBB", "UUBB", "UUBB", "BBBB"}));
   EXPECT_EQ(WithoutWeakRim({"RBB", "BoB"}), (Rows{"UBB", "BUB"})) << "at a corner";
 }
 
@@ -149,7 +149,8 @@ TEST(WeakRim, WhatIsPlainFartherAwayOrJoinsSuchStaysAnObstacle) {
   EXPECT_EQ(WithoutWeakRim({"RooB"}), (Rows{"UOOB"})) << "reaches farther";
   EXPECT_EQ(WithoutWeakRim({"RoBB", "RBoB"}), (Rows{"UOBB", "UBOB"})) << "joins by a corner";
   EXPECT_EQ(WithoutWeakRim({"RBoB"}), (Rows{"UBOB"})) << "touches nothing";
-  EXPECT_EQ(WithoutWeakRim({"RoB", "RoB", "RoB"}), (Rows{"UOB", "UOB", "UOB"})) << "a hand";
+  EXPECT_EQ(WithoutWeakRim({"RoB", "RoB", "RoB", "RoB"}), (Rows{"UOB", "UOB", "UOB", "UOB"}))
+      << "a hand";
 }
 
 TEST(WeakRim, NothingBecomesBackgroundAndNoPlainObstacleIsLost) {

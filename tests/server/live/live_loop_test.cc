@@ -133,13 +133,13 @@ TEST_F(LiveLoopTest, WhatStandsInTheCellIsInTheNextScene) {
   EXPECT_EQ(CheckerNow(blocked).Check(At(3, 0)).state(), State::kOccupied);
 }
 
-// A mask pixel beside the robot, dark in every `period`th image.
+// A mask pixel beside the robot, dark in the last `dark` of each `period` images.
 constexpr int kRimView = 1;
 constexpr int kRimX = 2;
 const int kRimY = kViewSizes[kRimView].height - 2;
-void DarkenRim(LiveScript& script, int period) {
-  script.change = [&script, period](std::vector<absl::StatusOr<CameraImage>>& images) {
-    if (script.grabs % period != 0) return;
+void DarkenRim(LiveScript& script, int dark, int period) {
+  script.change = [&script, dark, period](std::vector<absl::StatusOr<CameraImage>>& images) {
+    if ((script.grabs - 1) % period < period - dark) return;
     CameraImage& image = *images[2];  // of kRimView
     for (int row = kRimY * kScale; row < (kRimY + 1) * kScale; ++row) {
       std::fill_n(image.pixels.begin() + row * image.width + kRimX * kScale, kScale, uint8_t{20});
@@ -152,7 +152,7 @@ bool ShowsRim(const Scene& scene) {
 }
 
 TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleIfItLasts) {
-  Script([](LiveScript& to) { DarkenRim(to, 2); });
+  Script([](LiveScript& to) { DarkenRim(to, 2, 3); });
   config.live.evidence_gap = absl::Hours(1);
   ASSERT_TRUE(Start().ok());
   uint64_t newest = 0;
@@ -164,14 +164,14 @@ TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleIfItLasts) {
     EXPECT_TRUE(scene->obstacle_images[kRimView]->unknown().at(kRimX, kRimY));
     newest = scene->id;
   }
-  Script([](LiveScript& to) { DarkenRim(to, 1); });
+  Script([](LiveScript& to) { DarkenRim(to, 1, 1); });
   NextScene("a scene with the obstacle", [&](const Scene& scene) {
     return ShowsRim(scene) && scene.obstacle_images[kRimView]->obstacle().at(kRimX, kRimY);
   });
 }
 
 TEST_F(LiveLoopTest, PixelBesideTheRobotIsAnObstacleAtOnceIfTheImageBeforeIsTooOld) {
-  Script([](LiveScript& to) { DarkenRim(to, 2); });
+  Script([](LiveScript& to) { DarkenRim(to, 1, 2); });
   config.live.evidence_gap = -absl::InfiniteDuration();
   ASSERT_TRUE(Start().ok());
   const SharedScene scene = NextScene("a scene with the pixel", ShowsRim);

@@ -93,7 +93,7 @@ TEST_F(MakeSceneTest, FaintRimOfTheRobotIsUnknownIfItIsKnownToBeFaint) {
   EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
 }
 
-TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
+TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsOnceItWasInTheImagesBefore) {
   const Mask robot = RobotMask(0, 0, 0);
   const auto pixel = [&](int x, int y) {
     return Mask::FromPredicate(robot.size(),
@@ -113,7 +113,7 @@ TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
     }
   }
   ASSERT_FALSE(rim.Empty());
-  const auto obstacle = [&](const std::optional<Mask>& before, const Mask& other = {}) {
+  const auto obstacle = [&](const std::vector<Mask>& before, const Mask& other = {}) {
     const Mask shown = other.Empty() ? robot | rim : robot | rim | other;
     input.views[0].image = SceneMask{.mask = shown, .strong = shown, .strong_before = before};
     const absl::StatusOr<Scene> scene = Make(*database, input);
@@ -121,16 +121,26 @@ TEST_F(MakeSceneTest, StrongEvidenceBesideTheRobotCountsFromItsSecondImageOn) {
     EXPECT_EQ(*scene->views[0]->strong & robot, robot);
     return scene->obstacle_images[0]->obstacle();
   };
-  EXPECT_TRUE(obstacle(Mask(robot.size())).Empty()) << "nothing was there";
-  EXPECT_TRUE(obstacle(robot).Empty()) << "the robot alone is no evidence of something beside it";
-  EXPECT_EQ(obstacle(robot | rim), rim);
-  EXPECT_EQ(obstacle(beside), rim) << "it moved by a pixel";
-  EXPECT_EQ(obstacle(two_away), rim) << "it moved by two";
-  EXPECT_EQ(obstacle(two_away, two_away), two_away) << "what stands there still is something else";
-  EXPECT_EQ(obstacle(rim | two_away, two_away), rim | two_away);
-  EXPECT_TRUE(obstacle(pixel(robot.width() - 1, 0)).Empty()) << "something else";
-  EXPECT_EQ(obstacle(std::nullopt), rim) << "a single image";
-  input.views[0].image = SceneMask{.mask = robot, .strong = robot, .strong_before = Mask({3, 3})};
+  EXPECT_TRUE(obstacle({Mask(robot.size())}).Empty()) << "nothing was there";
+  EXPECT_TRUE(obstacle({robot}).Empty()) << "the robot alone is no evidence of something beside it";
+  EXPECT_EQ(obstacle({robot | rim}), rim);
+  EXPECT_EQ(obstacle({beside}), rim) << "it moved by a pixel";
+  EXPECT_EQ(obstacle({two_away}), rim) << "it moved by two";
+  EXPECT_EQ(obstacle({two_away}, two_away), two_away)
+      << "what stands there still is something else";
+  EXPECT_EQ(obstacle({rim | two_away}, two_away), rim | two_away);
+  EXPECT_TRUE(obstacle({pixel(robot.width() - 1, 0)}).Empty()) << "something else";
+  EXPECT_EQ(obstacle({}), rim) << "a single image";
+
+  const Mask nothing(robot.size());
+  EXPECT_EQ(obstacle({robot | rim, robot | rim}), rim);
+  EXPECT_TRUE(obstacle({robot | rim, robot}).Empty()) << "it came in the image before";
+  EXPECT_TRUE(obstacle({robot, robot | rim}).Empty()) << "it was gone in the image before";
+  EXPECT_EQ(obstacle({rim, two_away}), rim) << "it came from there";
+  EXPECT_TRUE(obstacle({rim, rim, nothing}).Empty()) << "two of three";
+  EXPECT_EQ(obstacle({rim, rim, rim}), rim);
+  input.views[0].image =
+      SceneMask{.mask = robot, .strong = robot, .strong_before = {robot, Mask({3, 3})}};
   EXPECT_THAT(Refusal(), HasSubstr("the mask is 3x3"));
 }
 
