@@ -20,6 +20,7 @@ namespace {
 using Json = nlohmann::json;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 // One cell for all tests: capturing it takes longer than they do.
 struct LiveProgramTest : ::testing::Test {
@@ -140,6 +141,25 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
   EXPECT_THAT(refused("--simulated-obstacles x.yaml"), HasSubstr("--live"));
   EXPECT_THAT(refused("--live --simulated-obstacles x.yaml"), HasSubstr("x.yaml"));
   EXPECT_THAT(refused("--live --metrics nowhere"), HasSubstr("127.0.0.1"));
+}
+
+TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
+  const auto log_with = [&](const std::string& max_age) {
+    const std::string file = *cell / "latency.yaml";
+    WriteText(file,
+              absl::StrReplaceAll(
+                  ReadText(cell->cell()),
+                  {{"max_age: 20 s", "max_age: " + max_age},
+                   {"name: top, source: sim",
+                    "name: top, source: {rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 300 ms}}"}}));
+    StartOnly("--live", file);
+    server->Address();
+    EXPECT_EQ(server->End(SIGTERM), 0);
+    return Log();
+  };
+  EXPECT_THAT(log_with("500 ms"), HasSubstr("view 'top': with a latency of 300ms a scene is more "
+                                            "than 600ms old before the next one comes"));
+  EXPECT_THAT(log_with("2 s"), Not(HasSubstr("latency")));
 }
 
 TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {

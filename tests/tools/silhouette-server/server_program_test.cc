@@ -182,6 +182,29 @@ TEST_F(ServerProgramTest, TellsSystemdThatItIsReadyThatItLivesAndThatItStops) {
   EXPECT_EQ(program.ExitCode(), 0);
 }
 
+// Waits until a program reads this FIFO; returns the writing end.
+int AwaitReader(const std::string& fifo) {
+  for (;;) {
+    const int writer = open(fifo.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    if (writer >= 0) return writer;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+}
+
+TEST_F(ServerProgramTest, EndsAtOnceWithZeroWhileItStillLoads) {
+  GiveModelAndCameras("", "");
+  // A model whose end never comes.
+  const std::string endless = folder / "robot.urdf";
+  std::filesystem::remove(endless);
+  ASSERT_EQ(mkfifo(endless.c_str(), 0600), 0);
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const int writer = AwaitReader(endless);
+  EXPECT_EQ(program.End(SIGTERM), 0);
+  EXPECT_EQ(program.Errors(), "");
+  close(writer);
+}
+
 TEST_F(ServerProgramTest, EndsThoughAThreadOfItsOwnHangs) {
   const std::string check = folder / "check.json";
   WriteFile(check, "");
@@ -192,10 +215,7 @@ TEST_F(ServerProgramTest, EndsThoughAThreadOfItsOwnHangs) {
   const std::string endless = folder / "endless";
   ASSERT_EQ(mkfifo(endless.c_str(), 0600), 0);
   std::filesystem::rename(endless, check);
-  int writer = -1;
-  while ((writer = open(check.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC)) < 0) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));  // until it is read
-  }
+  const int writer = AwaitReader(check);
   EXPECT_EQ(program.End(SIGTERM), 3);
   EXPECT_THAT(program.Errors(), HasSubstr("ended while something hangs"));
   close(writer);
