@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// The clock for waiting and for ages: it never steps, whatever happens to the wall clock.
+// The clock for waiting and for ages: it never steps, whatever happens to the wall clock, and runs
+// on while the computer sleeps.
 #pragma once
 
-#include <chrono>
+#include <time.h>
 
 #include "absl/time/time.h"
 
 namespace silhouette {
 
-// Since some fixed instant.
+// Since some fixed instant (CLOCK_BOOTTIME).
 inline absl::Duration RunningNow() {
-  return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+  timespec now{};
+  clock_gettime(CLOCK_BOOTTIME, &now);
+  return absl::DurationFromTimespec(now);
 }
 
 }  // namespace silhouette

@@ -91,8 +91,7 @@ void Write(const SeparationPolicy& policy, v1::SeparationPolicy& message) {
   }
 }
 
-Separation SeparationFrom(const v1::Separation& message,
-                          std::chrono::steady_clock::time_point asked) {
+Separation SeparationFrom(const v1::Separation& message, RunningClock::time_point asked) {
   return {.level = message.level(),
           .level_name = message.level_name(),
           .distance = message.distance(),
@@ -121,7 +120,7 @@ v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const 
 
 absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
                                                size_t configurations, Clearance clearance,
-                                               std::chrono::steady_clock::time_point asked,
+                                               RunningClock::time_point asked,
                                                const std::string& address) {
   if (static_cast<size_t>(response.verdicts_size()) != configurations) {
     return Malformed(address, absl::StrCat(response.verdicts_size(), " verdicts for ",
@@ -138,8 +137,7 @@ absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResp
 }
 
 absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& response,
-                                         size_t numbers,
-                                         std::chrono::steady_clock::time_point asked,
+                                         size_t numbers, RunningClock::time_point asked,
                                          const std::string& address) {
   auto free = WordsFrom(response.free(), numbers);
   auto occupied = WordsFrom(response.occupied(), numbers);
@@ -179,8 +177,7 @@ PathProof ProofFrom(v1::PathProof proof) {
 }  // namespace
 
 absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
-                                     std::chrono::steady_clock::time_point asked,
-                                     const std::string& address) {
+                                     RunningClock::time_point asked, const std::string& address) {
   PathCheck check{.basis = FromMessage(response.basis(), asked),
                   .verdict = {},
                   .segment = response.segment(),
@@ -209,7 +206,7 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 
 absl::Duration Basis::Age() const {
   if (scene_id == 0) return absl::InfiniteDuration();
-  return scene_age + absl::FromChrono(std::chrono::steady_clock::now() - asked);
+  return scene_age + absl::FromChrono(RunningClock::now() - asked);
 }
 
 bool ConfigurationChecks::AllFree() const {

@@ -2,7 +2,6 @@
 // Questions of the collision service, and the checks that their answers must pass.
 #pragma once
 
-#include <chrono>
 #include <optional>
 #include <span>
 #include <string>
@@ -10,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "silhouette/answers.h"
 #include "silhouette/client.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/v1/collision_service.pb.h"
 
 namespace silhouette::client {
@@ -25,15 +25,13 @@ v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const 
 // does not fit the question, Unimplemented if it lacks clearances.
 absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
                                                size_t configurations, Clearance clearance,
-                                               std::chrono::steady_clock::time_point asked,
+                                               RunningClock::time_point asked,
                                                const std::string& address);
 absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& response,
-                                         size_t numbers,
-                                         std::chrono::steady_clock::time_point asked,
+                                         size_t numbers, RunningClock::time_point asked,
                                          const std::string& address);
 absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
-                                     std::chrono::steady_clock::time_point asked,
-                                     const std::string& address);
+                                     RunningClock::time_point asked, const std::string& address);
 
 // A variant was requested and the server knows none: it is older than this library.
 absl::Status NoVariants(const std::string& address);

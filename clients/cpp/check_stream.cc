@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "silhouette/check_stream.h"
 
-#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -52,7 +51,7 @@ class CheckStream::Impl {
         .id = question.id(),
         .configurations = std::nullopt,
         .clearance = path ? clearance_of(question.path()) : clearance_of(question.configurations()),
-        .asked = SteadyClock::now()};
+        .asked = RunningClock::now()};
     if (!path) {
       sent.configurations = static_cast<size_t>(question.configurations().configurations_size());
     }
@@ -109,7 +108,7 @@ class CheckStream::Impl {
     uint64_t id = 0;
     std::optional<size_t> configurations;  // how many; nothing: it is about a path
     Clearance clearance = Clearance::kOmit;
-    std::chrono::steady_clock::time_point asked;
+    RunningClock::time_point asked;
   };
 
   void Begin() {

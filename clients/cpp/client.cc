@@ -4,7 +4,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <chrono>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -69,12 +68,12 @@ class PublishingClock {
       : clock_(std::move(connection), timeout, never_cancelled_) {}
 
   // These images were taken at `taken` or later.
-  absl::Status Stamp(SteadyClock::time_point taken, std::span<v1::ViewImage* const> images) {
+  absl::Status Stamp(RunningClock::time_point taken, std::span<v1::ViewImage* const> images) {
     if (images.empty()) return absl::OkStatus();
     const std::lock_guard lock(mutex_);
     const absl::StatusOr<absl::Duration> clock = clock_.ClockAt(taken);
     if (!clock.ok()) return clock.status();
-    const absl::Time time = absl::Now() - absl::FromChrono(SteadyClock::now() - taken);
+    const absl::Time time = absl::Now() - absl::FromChrono(RunningClock::now() - taken);
     for (v1::ViewImage* image : images) {
       *image->mutable_server_clock() = ToMessage(*clock);
       *image->mutable_capture_time() = ToMessage(time);  // for people
@@ -131,7 +130,7 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     Clearance clearance) const {
   v1::CheckConfigurationsRequest request = QuestionOf(configurations, policy, evidence, clearance);
   request.set_variant(variant_);
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
@@ -145,7 +144,7 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
@@ -159,7 +158,7 @@ absl::StatusOr<PathCheck> Client::CheckPath(
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
   request.set_variant(variant_);
   if (resolution) request.set_path_resolution(*resolution);
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto response =
       Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
@@ -178,7 +177,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   request.set_variant(variant_);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + timeout_));
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto reader = connection_->collisions().GetConfigurationSpace(&context, request);
 
   Basis basis;
@@ -224,7 +223,7 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   *request.mutable_configuration() = ToMessage(configuration);
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto response = Ask(*connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
   if (!response.ok()) return response.status();
   Explanation explanation{
@@ -241,9 +240,9 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   return explanation;
 }
 
-absl::StatusOr<v1::Scene> Client::PublishScene(v1::PublishSceneRequest scene,
-                                               std::optional<SteadyClock::time_point> taken) const {
-  if (!taken) taken = SteadyClock::now();
+absl::StatusOr<v1::Scene> Client::PublishScene(
+    v1::PublishSceneRequest scene, std::optional<RunningClock::time_point> taken) const {
+  if (!taken) taken = RunningClock::now();
   scene.set_variant(variant_);
   std::vector<v1::ViewImage*> unstamped;
   for (v1::ViewImage& image : *scene.mutable_views()) {

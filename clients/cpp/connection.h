@@ -6,7 +6,6 @@
 #include <grpcpp/client_context.h>
 #include <grpcpp/security/credentials.h>
 
-#include <chrono>
 #include <memory>
 #include <mutex>
 #include <set>
@@ -23,8 +22,6 @@
 #include "silhouette/v1/scene_service.grpc.pb.h"
 
 namespace silhouette::client {
-
-using SteadyClock = std::chrono::steady_clock;
 
 // InvalidArgument if no server can be at this address.
 absl::Status RequireAddress(const std::string& address);

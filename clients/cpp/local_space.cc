@@ -29,6 +29,23 @@ using Content = SpaceSnapshot::Content;
 constexpr std::chrono::milliseconds kShortestPause{100};
 constexpr std::chrono::milliseconds kLongestPause{2000};
 
+// Of a call that did not succeed.
+Reason ReasonOfEnd(const absl::Status& end) {
+  switch (end.code()) {
+    case absl::StatusCode::kFailedPrecondition:
+      return Reason::kNotCheckedHere;
+    case absl::StatusCode::kInvalidArgument:
+    case absl::StatusCode::kNotFound:
+    case absl::StatusCode::kOutOfRange:
+    case absl::StatusCode::kPermissionDenied:
+    case absl::StatusCode::kUnauthenticated:
+    case absl::StatusCode::kUnimplemented:
+      return Reason::kRefused;
+    default:
+      return Reason::kConnectionLost;
+  }
+}
+
 std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
   return std::make_shared<const SpaceSnapshot>(std::make_unique<const Content>(std::move(content)));
 }
@@ -73,7 +90,7 @@ class LocalSpace::Impl {
 
   MotionVerdict Ask(const std::vector<Configuration>& motion, double path_resolution) const {
     const auto path = client_.CheckPath(motion, options_.policy, Clearance::kOmit, path_resolution);
-    if (!path.ok()) return UnknownMotion(Reason::kConnectionLost, motion.front());
+    if (!path.ok()) return UnknownMotion(ReasonOfEnd(path.status()), motion.front());
     MotionVerdict verdict = UnknownMotion(path->verdict.reason, path->configuration);
     verdict.state = path->verdict.state;
     verdict.checked = path->checked;
@@ -120,7 +137,7 @@ class LocalSpace::Impl {
     const absl::Status ended = connection_->ReadAll<v1::WatchConfigurationSpaceResponse>(
         *reader, context, timeout_,
         [&](const auto& part) { return Take(part, assembly, clock, rule, reason); });
-    if (absl::IsFailedPrecondition(ended)) reason = Reason::kNotCheckedHere;
+    if (reason == Reason::kConnectionLost) reason = ReasonOfEnd(ended);
     if (!ended.ok()) return ended;
     return absl::UnavailableError("the server at " + connection_->address() +
                                   " ended the subscription");
@@ -129,7 +146,7 @@ class LocalSpace::Impl {
   // Publishes the update that `part` completes, if it does. Returns an error if the call must end.
   absl::Status Take(const v1::WatchConfigurationSpaceResponse& part, SpaceAssembly& assembly,
                     ServerClock& clock, std::optional<OffGridRule>& rule, Reason& reason) {
-    const SteadyClock::time_point received = SteadyClock::now();
+    const RunningClock::time_point received = RunningClock::now();
     absl::StatusOr<std::optional<SpaceUpdate>> update = assembly.Add(part);
     if (!update.ok()) {
       reason = Reason::kUpdateMalformed;
@@ -142,7 +159,7 @@ class LocalSpace::Impl {
       reason = Reason::kUpdateMalformed;
       return of_variant;
     }
-    const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt((*update)->basis, received);
+    const absl::StatusOr<RunningClock::time_point> made = clock.MadeAt((*update)->basis, received);
     if (!made.ok()) {
       reason = Reason::kAgeUnknown;
       return made.status();
@@ -156,7 +173,7 @@ class LocalSpace::Impl {
     return absl::OkStatus();
   }
 
-  void Take(const SpaceUpdate& update, SteadyClock::time_point made,
+  void Take(const SpaceUpdate& update, RunningClock::time_point made,
             const std::optional<OffGridRule>& rule) {
     Publish([&](Content& content) {
       const uint64_t number = content.number + 1;

@@ -93,7 +93,7 @@ absl::Duration FromMessage(const google::protobuf::Duration& duration) {
   return absl::Seconds(duration.seconds()) + absl::Nanoseconds(duration.nanos());
 }
 
-Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked) {
+Basis FromMessage(const v1::Basis& basis, RunningClock::time_point asked) {
   Basis result{.database_generation = basis.database_generation(),
                .scene_id = basis.scene_id(),
                .variant = basis.variant(),

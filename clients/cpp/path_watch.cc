@@ -48,10 +48,9 @@ class PathWatch::Impl {
 
   absl::StatusOr<PathUpdate> Next(absl::Duration timeout) {
     const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), kPathWatchVeryLong);
-    const SteadyClock::time_point deadline =
-        SteadyClock::now() + absl::ToChronoNanoseconds(bounded);
     std::unique_lock lock(mutex_);
-    if (!changed_.wait_until(lock, deadline, [this] { return newest_ || ended_; })) {
+    if (!changed_.wait_for(lock, absl::ToChronoNanoseconds(bounded),
+                           [this] { return newest_ || ended_; })) {
       return absl::DeadlineExceededError(
           absl::StrCat("no new verdict on the path came within ", absl::FormatDuration(timeout)));
     }
@@ -79,12 +78,12 @@ class PathWatch::Impl {
 
   // Stores an update. Returns an error if the call must end.
   absl::Status Take(const v1::WatchPathResponse& response, ServerClock& clock) {
-    const SteadyClock::time_point received = SteadyClock::now();
+    const RunningClock::time_point received = RunningClock::now();
     const v1::Basis& basis = response.check().basis();
     const absl::Status of_variant =
         RequireVariant(request_.variant(), basis, connection_->address());
     if (!of_variant.ok()) return of_variant;
-    const absl::StatusOr<SteadyClock::time_point> made = clock.MadeAt(basis, received);
+    const absl::StatusOr<RunningClock::time_point> made = clock.MadeAt(basis, received);
     if (!made.ok()) return made.status();
     if (request_.has_separation() && !response.check().has_separation()) {
       return NoSeparation(connection_->address());
@@ -128,7 +127,7 @@ class PathWatch::Impl {
 };
 
 bool PathUpdate::FreeNow() const {
-  return check.verdict.free() && SteadyClock::now() < valid_until;
+  return check.verdict.free() && RunningClock::now() < valid_until;
 }
 
 PathWatch::PathWatch(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

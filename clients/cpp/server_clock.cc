@@ -12,7 +12,7 @@ namespace silhouette::client {
 namespace {
 
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
-constexpr SteadyClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
+constexpr RunningClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
 // The greatest age that is reported: longer durations overflow.
 constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
@@ -64,10 +64,10 @@ ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Dur
 absl::Status ServerClock::Measure() {
   grpc::ClientContext context;
   const Cancellation::Call call(cancellation_, context);
-  const SteadyClock::time_point asked = SteadyClock::now();
+  const RunningClock::time_point asked = RunningClock::now();
   const auto response = connection_->Call(context, &v1::CollisionService::Stub::CheckConfigurations,
                                           v1::CheckConfigurationsRequest(), timeout_);
-  const SteadyClock::time_point answered = SteadyClock::now();
+  const RunningClock::time_point answered = RunningClock::now();
   // A slow server is asked less often.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
   if (!response.ok()) return response.status();
@@ -82,7 +82,7 @@ absl::Status ServerClock::Measure() {
 }
 
 absl::Status ServerClock::MeasureIfDue() {
-  return SteadyClock::now() >= next_ ? Measure() : absl::OkStatus();
+  return RunningClock::now() >= next_ ? Measure() : absl::OkStatus();
 }
 
 absl::StatusOr<absl::Duration> ServerClock::ClockAt(ServerTime::Time at) {

@@ -2,7 +2,6 @@
 // The server's running clock: the age of a stream's messages, and the stamps of published images.
 #pragma once
 
-#include <chrono>
 #include <memory>
 #include <optional>
 
@@ -10,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "clients/cpp/connection.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/v1/types.pb.h"
 
 namespace silhouette::client {
@@ -34,7 +34,7 @@ namespace silhouette::client {
 // Not thread-safe.
 class ServerTime {
  public:
-  using Time = std::chrono::steady_clock::time_point;
+  using Time = RunningClock::time_point;
   static constexpr double kMostDrift = 1e-3;
 
   // A round trip from `asked` to `answered`; the server's clock showed `server_clock` between them.
@@ -50,7 +50,7 @@ class ServerTime {
  private:
   // An end of a round trip, and the server's clock during it.
   struct RoundTripEnd {
-    absl::Duration local;  // since the epoch of the steady clock
+    absl::Duration local;  // since the epoch of RunningClock
     absl::Duration server_clock;
   };
   std::optional<RoundTripEnd> asked_;     // gives the latest Earliest of what the server makes now

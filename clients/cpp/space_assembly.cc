@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "clients/cpp/space_assembly.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -35,6 +36,12 @@ absl::StatusOr<std::optional<SpaceUpdate>> SpaceAssembly::Add(
 
 absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& first) {
   if (!first.has_basis()) return absl::InternalError("an update has no basis");
+  const uint64_t scene = first.basis().scene_id();
+  if (last_scene_ != 0 && scene > last_scene_ + 1 + first.skipped_scenes()) {
+    return absl::InternalError(absl::StrCat("the update of scene ", last_scene_ + 1,
+                                            " or of a later one, before ", scene, ", is missing"));
+  }
+  last_scene_ = std::max(last_scene_, scene);
   if (first.whole() != first.has_grid()) {
     return absl::InternalError("a grid belongs to an update that is whole, and to no other");
   }

@@ -37,9 +37,9 @@ struct SpaceUpdate {
 // One stream, from its first part on. Not thread-safe.
 class SpaceAssembly {
  public:
-  // The update that `part` completes, if it does. Internal, with the fault, for malformed parts and
-  // parts in a wrong order; the whole stream is then invalid. ResourceExhausted for a grid that
-  // does not fit into memory.
+  // The update that `part` completes, if it does. Internal, with the fault, for malformed parts,
+  // parts in a wrong order, and if updates are missing; the whole stream is then invalid.
+  // ResourceExhausted for a grid that does not fit into memory.
   absl::StatusOr<std::optional<SpaceUpdate>> Add(const v1::WatchConfigurationSpaceResponse& part);
 
  private:
@@ -53,6 +53,7 @@ class SpaceAssembly {
   std::vector<bool> came_;                    // which tiles came with it
   std::shared_ptr<const SpaceMap> last_;      // what the last complete update made
   uint64_t generation_ = 0;                   // of its database
+  uint64_t last_scene_ = 0;                   // the newest one of which there was an update
   std::shared_ptr<const ServedRobot> robot_;  // null: none is drawn, or sent
 };
 

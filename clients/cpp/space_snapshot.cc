@@ -9,7 +9,7 @@
 
 namespace silhouette::client {
 
-using Clock = std::chrono::steady_clock;
+using Clock = RunningClock;
 
 Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age) {
   const absl::Duration of_age = max_age - std::max(basis.scene_age, absl::ZeroDuration());

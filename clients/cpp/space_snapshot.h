@@ -2,7 +2,6 @@
 // Implementation of SpaceSnapshot.
 #pragma once
 
-#include <chrono>
 #include <memory>
 #include <optional>
 
@@ -10,13 +9,14 @@
 #include "clients/cpp/drawn_space.h"
 #include "clients/cpp/off_grid.h"
 #include "clients/cpp/space_map.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/space_snapshot.h"
 
 namespace silhouette::client {
 
 // The end of a validity, and the reason afterwards.
 struct Validity {
-  std::chrono::steady_clock::time_point until = std::chrono::steady_clock::time_point::min();
+  RunningClock::time_point until = RunningClock::time_point::min();
   Reason then = Reason::kUpdateExpired;
 };
 

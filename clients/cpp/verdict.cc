@@ -122,6 +122,8 @@ Words WordsFor(Reason reason) {
     case Reason::kNotCheckedHere:
       return {"not checked here",
               "LocalSpace cannot check that by itself: see its status, or ask the server"};
+    case Reason::kRefused:
+      return {"refused", "the server refuses what is asked: the status of LocalSpace says why"};
   }
   return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }

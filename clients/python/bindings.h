@@ -30,9 +30,23 @@ struct StatusError : std::exception {
   absl::Status status;
 };
 
+// Gives up the interpreter's lock while it lives. When the interpreter ends, it ends a thread that
+// wants the lock back by an exception that passes through the destructor; that of
+// py::gil_scoped_release would end the program.
+class Unlocked {
+ public:
+  Unlocked() = default;
+  ~Unlocked() noexcept(false) { PyEval_RestoreThread(state_); }
+  Unlocked(const Unlocked&) = delete;
+  Unlocked& operator=(const Unlocked&) = delete;
+
+ private:
+  PyThreadState* const state_ = PyEval_SaveThread();
+};
+
 template <typename F>
 auto WithoutLock(F call) {
-  const py::gil_scoped_release released;
+  const Unlocked unlocked;
   return call();
 }
 

@@ -16,12 +16,13 @@ using client::Client;
 using client::PathUpdate;
 using client::PathWatch;
 using client::Policy;
-using Clock = std::chrono::steady_clock;
+using Clock = client::RunningClock;
 using Joints = std::map<std::string, double>;
 
-// A time of Python's time.monotonic(), which has the same clock.
+// `seconds`: of Python's time.monotonic(), which stands still while the computer sleeps.
 Clock::time_point MonotonicTime(double seconds) {
-  return Clock::time_point(absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
+  const auto monotonic = std::chrono::steady_clock::now().time_since_epoch();
+  return Clock::now() - (monotonic - absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
 }
 
 client::Clearance Measured(bool clearance) {
@@ -236,7 +237,8 @@ void BindChecksOf(py::class_<Client>& type) {
           },
           py::arg("numbers"), py::kw_only(), py::arg("policy") = Policy(),
           "The same for grid points: faster.\n\nnumbers: (n,) uint32, as Grid.numbers has them; "
-          "8 million at most.")
+          "8 million at most. Another database may have other configurations under these numbers: "
+          "compare basis.database_generation.")
       .def(
           "check_path",
           [](const Client& at, const Doubles& waypoints, const Policy& policy, bool clearance,

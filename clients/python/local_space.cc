@@ -140,7 +140,8 @@ void BindChecks(Class& type, F snapshot) {
             return CheckNumbers(*snapshot(at), numbers);
           },
           py::arg("numbers"),
-          "The same for grid points. numbers: (n,) uint32, as Grid.numbers has them.")
+          "The same for grid points. numbers: (n,) uint32, as Grid.numbers of this grid has them; "
+          "another database may have another grid.")
       .def(
           "check_motion",
           [snapshot](const T& at, const py::object& from, const py::object& to, double step) {

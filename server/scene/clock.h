@@ -4,17 +4,17 @@
 #pragma once
 
 #include <algorithm>
-#include <chrono>
 #include <functional>
 
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "capture/devices/running_clock.h"
 
 namespace silhouette {
 
 struct Moment {
   absl::Time time;         // wall clock; may be set at any time, in either direction
-  absl::Duration running;  // since some fixed instant; never steps
+  absl::Duration running;  // RunningNow(): since some fixed instant; never steps
 };
 
 // Returns the present moment; may be called from any thread.
@@ -24,14 +24,11 @@ using Clock = std::function<Moment()>;
 inline constexpr absl::Duration kClockJitter = absl::Microseconds(100);
 
 inline Moment SystemClock() {
-  const auto running = [] {
-    return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
-  };
   constexpr int kAttempts = 4;  // a thread may pause between the two readings, but rarely again
   for (int attempt = 1;; ++attempt) {
-    const absl::Duration before = running();
+    const absl::Duration before = RunningNow();
     const absl::Time time = absl::Now();
-    if (attempt == kAttempts || running() - before <= kClockJitter) return {time, before};
+    if (attempt == kAttempts || RunningNow() - before <= kClockJitter) return {time, before};
   }
 }
 

@@ -91,7 +91,7 @@ class ReplayServer {
   // Publishes a scene, and allows these regions with it. FailedPrecondition: somebody else
   // published, too.
   absl::Status Publish(const v1::Scene& scene, const v1::ServedState& state) {
-    const auto now = std::chrono::steady_clock::now();
+    const auto now = client::RunningClock::now();
     ASSIGN_OR_RETURN(const v1::Scene made, client_.PublishScene(RequestOf(scene), now));
     if (made.id() != last_ + 1) return InUse(client_);
     last_ = made.id();

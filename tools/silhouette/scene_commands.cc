@@ -93,7 +93,7 @@ absl::StatusOr<v1::ViewImage> ReadImage(const ImageFile& file, const PublishArgu
 }
 
 absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments& arguments) {
-  const auto called = std::chrono::steady_clock::now();
+  const auto called = client::RunningClock::now();
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   TypedJoints typed(session.unit, [&] { return client.GetDatabase(); });
   ASSIGN_OR_RETURN(const auto files, ImagesOf(arguments, typed));

@@ -2,7 +2,6 @@
 // The server's answers, each with the scene and the database that it used.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,6 +10,7 @@
 #include "absl/time/time.h"
 #include "silhouette/configuration_grid.h"
 #include "silhouette/mask.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/separation.h"
 #include "silhouette/verdict.h"
 
@@ -44,7 +44,7 @@ struct Basis {
   bool unverified_model = false;
   // When the question was sent. For messages of a stream: the earliest time at which the server can
   // have made them.
-  std::chrono::steady_clock::time_point asked = {};
+  RunningClock::time_point asked = {};
 
   // Age of the oldest image now; never too small, because the time of the question counts, too.
   // Infinite without a scene.

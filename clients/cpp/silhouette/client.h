@@ -17,7 +17,6 @@
 // No error is ever a verdict, and a part of an answer is never handed out.
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
@@ -33,6 +32,7 @@
 #include "silhouette/configuration_space.h"
 #include "silhouette/path_watch.h"
 #include "silhouette/policy.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/scene_watch.h"
 #include "silhouette/verdict.h"
 
@@ -98,7 +98,8 @@ class Client {
   }
 
   // The same for configurations of the grid by their numbers (ConfigurationGrid), up to eight
-  // million at once: much faster, without evidence.
+  // million at once: much faster, without evidence. A database with another grid has other
+  // configurations under these numbers: compare Basis::database_generation.
   absl::StatusOr<NumberChecks> CheckNumbers(std::span<const uint32_t> numbers,
                                             const Policy& policy = {}) const;
 
@@ -143,7 +144,7 @@ class Client {
   // old they are. Images with a capture_time or server_clock keep it.
   absl::StatusOr<v1::Scene> PublishScene(
       v1::PublishSceneRequest scene,
-      std::optional<std::chrono::steady_clock::time_point> taken = std::nullopt) const;
+      std::optional<RunningClock::time_point> taken = std::nullopt) const;
 
   // A scene by its id, 0 for the newest; `with_planes`: also its masks.
   absl::StatusOr<v1::Scene> GetScene(uint64_t id = 0, bool with_planes = false) const;

@@ -91,7 +91,7 @@ class LocalSpace {
     return Snapshot()->CheckMotion(from, to, path_resolution);
   }
   // The same; where what is held here does not decide it, the server does, by its newest scene. If
-  // it does not answer, unknown, kConnectionLost.
+  // it does not answer, unknown, kConnectionLost; if it refuses, kRefused.
   MotionVerdict CheckMotionOrAsk(std::span<const double> from, std::span<const double> to,
                                  double path_resolution = 0.005) const;
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const {

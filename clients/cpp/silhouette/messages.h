@@ -3,7 +3,6 @@
 // or reads what the server reports.
 #pragma once
 
-#include <chrono>
 #include <stdexcept>
 
 #include "absl/status/statusor.h"
@@ -13,6 +12,7 @@
 #include "silhouette/configuration_space.h"
 #include "silhouette/mask.h"
 #include "silhouette/policy.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/v1/collision_service.pb.h"
 #include "silhouette/v1/database_service.pb.h"
 #include "silhouette/v1/scene_service.pb.h"
@@ -32,7 +32,7 @@ Mask FromMessage(const v1::Mask& mask);
 absl::Time FromMessage(const google::protobuf::Timestamp& time);
 absl::Duration FromMessage(const google::protobuf::Duration& duration);
 // `asked`: when the question was sent, or another time before the answer was made.
-Basis FromMessage(const v1::Basis& basis, std::chrono::steady_clock::time_point asked);
+Basis FromMessage(const v1::Basis& basis, RunningClock::time_point asked);
 // A free verdict without a scene becomes unknown.
 Verdict FromMessage(const v1::Verdict& verdict, const Basis& basis);
 // An unknown reason of a newer server becomes kUnspecified.

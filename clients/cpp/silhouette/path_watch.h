@@ -9,20 +9,20 @@
 //   }
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <memory>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "silhouette/answers.h"
+#include "silhouette/running_clock.h"
 
 namespace silhouette::client {
 
 struct PathUpdate {
   PathCheck check;
   // Valid until then if no update follows: then the scene expires or an allowed region ends.
-  std::chrono::steady_clock::time_point valid_until;
+  RunningClock::time_point valid_until;
   // Scenes since the update that Next() returned before, without an update of their own.
   uint64_t skipped_scenes = 0;
 

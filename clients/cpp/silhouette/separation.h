@@ -4,12 +4,12 @@
 // function.
 #pragma once
 
-#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/time/time.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/verdict.h"
 
 namespace silhouette::client {
@@ -58,10 +58,10 @@ struct Separation {
   absl::Duration image_age = absl::InfiniteDuration();
   // Why nothing is known of distances; then the level is 0.
   Reason unknown_reason = Reason::kUnspecified;
-  std::chrono::steady_clock::time_point valid_until = {};
+  RunningClock::time_point valid_until = {};
 
   // `level`, and 0 when the reply is too old to be gone by.
-  int LevelNow() const { return std::chrono::steady_clock::now() < valid_until ? level : 0; }
+  int LevelNow() const { return RunningClock::now() < valid_until ? level : 0; }
 };
 
 }  // namespace silhouette::client

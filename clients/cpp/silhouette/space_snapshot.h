@@ -4,7 +4,6 @@
 #pragma once
 
 #include <array>
-#include <chrono>
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
@@ -15,6 +14,7 @@
 #include "silhouette/answers.h"
 #include "silhouette/configuration_grid.h"
 #include "silhouette/configuration_space.h"
+#include "silhouette/running_clock.h"
 #include "silhouette/verdict.h"
 
 namespace silhouette::client {
@@ -56,12 +56,13 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   std::optional<Reason> unknown_reason() const;
 
   // When the validity ends or ended.
-  std::chrono::steady_clock::time_point usable_until() const;
+  RunningClock::time_point usable_until() const;
 
   // Null before the first update.
   const ConfigurationGrid* grid() const;
 
   // Looks at the clock each time; unknown also for a number that no configuration of the grid has.
+  // Numbers are those of grid(), which another database changes.
   // Of a drawn robot only if tiles were requested, or the server has a collision index.
   State StateAt(ConfigurationNumber number) const;
   bool IsFree(ConfigurationNumber number) const { return StateAt(number) == State::kFree; }

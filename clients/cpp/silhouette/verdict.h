@@ -54,6 +54,7 @@ enum class Reason : uint8_t {
   kUpdateMalformed = 207,
   kAgeUnknown = 208,
   kNotCheckedHere = 209,
+  kRefused = 210,
 };
 
 // "free", "occupied", "unknown".

@@ -54,6 +54,7 @@ class Reason(enum.IntEnum):
     UPDATE_MALFORMED = 207
     AGE_UNKNOWN = 208
     NOT_CHECKED_HERE = 209
+    REFUSED = 210
 
     @property
     def description(self) -> str:

@@ -487,9 +487,10 @@ TEST(Reasons, EachHasItsOwnWords) {
     reasons.push_back(static_cast<Reason>(reason));
   }
   // Those of the library itself.
-  for (Reason reason : {Reason::kNotInMap, Reason::kBetweenGridPoints, Reason::kNoUpdate,
-                        Reason::kConnectionLost, Reason::kUpdateTooOld, Reason::kUpdateExpired,
-                        Reason::kUpdateMalformed, Reason::kAgeUnknown}) {
+  for (Reason reason :
+       {Reason::kNotInMap, Reason::kBetweenGridPoints, Reason::kNoUpdate, Reason::kConnectionLost,
+        Reason::kUpdateTooOld, Reason::kUpdateExpired, Reason::kUpdateMalformed,
+        Reason::kAgeUnknown, Reason::kNotCheckedHere, Reason::kRefused}) {
     reasons.push_back(reason);
   }
   std::set<std::string> names;

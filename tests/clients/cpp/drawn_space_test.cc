@@ -270,7 +270,7 @@ TEST(DrawnSpace, ExpiresWithTheScene) {
   running.Publish(random, 0);
   snapshot = space.WaitForUpdate(snapshot->number(), kDrawnSpaceLong);
   const Configuration q{1, 0};
-  while (std::chrono::steady_clock::now() < snapshot->usable_until()) {
+  while (client::RunningClock::now() < snapshot->usable_until()) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   EXPECT_EQ(snapshot->Check(q).reason, Reason::kUpdateExpired);

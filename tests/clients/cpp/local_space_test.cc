@@ -334,7 +334,7 @@ TEST(LocalSpace, ServerThatCannotBeWatchedIsNamed) {
   FakeServer server;
   const LocalSpace space(ClientOfHere(server));
   space.WaitForUpdate(0, kLocalSpaceLong);
-  ExpectUnknown(space, Reason::kConnectionLost);
+  ExpectUnknown(space, Reason::kRefused);
   EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kUnimplemented);
 }
 

@@ -164,6 +164,15 @@ TEST(ServedLocalSpace, PolicyThatCannotBeServedIsNamed) {
   EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kFailedPrecondition);
 }
 
+TEST(ServedLocalSpace, WhatTheServerRefusesIsNoLostConnection) {
+  RunningServer running;
+  const LocalSpace other_variant(running.client().WithVariant("glove"));
+  EXPECT_EQ(other_variant.WaitForUpdate(0, kServedWatchesLong)->unknown_reason(), Reason::kRefused);
+  EXPECT_THAT(std::string(other_variant.status().problem.message()), ::testing::HasSubstr("glove"));
+  const LocalSpace no_tile(running.client(), {.tiles = {1'000'000}});
+  EXPECT_EQ(no_tile.WaitForUpdate(0, kServedWatchesLong)->unknown_reason(), Reason::kRefused);
+}
+
 TEST(ServedPathWatch, FollowsTheScenes) {
   RunningServer running(absl::Minutes(10), {.index = true});
   const std::vector<Configuration> path = {At(0, 4), At(4, 4)};

@@ -55,6 +55,19 @@ TEST(SpaceAssembly, IsReadAsItWasSent) {
   EXPECT_EQ(update.map->StateAt(WatchedGrid().number_limit()), State::kUnknown);
 }
 
+TEST(SpaceAssembly, MissingUpdateIsNoticed) {
+  const SpacePart whole = FirstUpdate(BasisOf(5));
+  IsRefused({whole, Update(BasisOf(7))}, "update of scene 6 or of a later one, before 7");
+  IsRefused({whole, Update(BasisOf(6)), Update(BasisOf(9))}, "update of scene 7");
+  SpaceAssembly assembly;
+  Complete(assembly, whole);
+  SpacePart skips = Update(BasisOf(9));
+  skips.set_skipped_scenes(3);
+  Complete(assembly, skips);
+  Complete(assembly, Update(BasisOf(9)));
+  Complete(assembly, Update(BasisOf(10)));
+}
+
 TEST(SpaceAssembly, CellsAreFreeOnlyWhereTheyAreToldToBe) {
   SpacePart part = FirstUpdate(BasisOf(5));
   part.mutable_tiles(0)->set_free_cells(std::string(1, '\x01') + std::string(511, '\0'));

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Python package against the real server."""
 import subprocess
+import sys
 import threading
 import time
 
@@ -216,6 +217,36 @@ def test_waiting_leaves_the_interpreter_to_other_threads(client):
         publish(client)  # would never happen if the waiting thread held the lock
         waiting.join(20)
         assert len(seen) == 1
+
+
+WAITS = {
+    "check": "client.check([[0.0, 0.0]])",
+    "watched path": "watch.next(timeout=1)",
+    "local space": "space.wait_for_update(space.snapshot().number, 1)",
+}
+
+
+@pytest.mark.parametrize("wait", WAITS)
+def test_the_interpreter_ends_cleanly_while_a_thread_waits(client, server, wait):
+    publish(client)
+    script = f"""import silhouette, sys, threading, time
+client = silhouette.Client(sys.argv[1])
+watch = client.watch_path([[0.0, 0.0]])
+watch.next(timeout=10)
+space = silhouette.LocalSpace(client)
+space.wait_for_update(0, 10)
+def waiting():
+    while True:
+        try:
+            {WAITS[wait]}
+        except silhouette.DeadlineExceeded:
+            pass
+threading.Thread(target=waiting, daemon=True).start()
+time.sleep(0.3)
+"""
+    ended = subprocess.run([sys.executable, "-c", script, server], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr == ""
 
 
 def test_numbers_of_a_reason_are_those_of_the_library():

@@ -532,8 +532,8 @@ std::string Spoken(const Configuration& configuration) {
   });
 }
 
-double SecondsUntil(std::chrono::steady_clock::time_point then) {
-  const std::chrono::duration<double> left = then - std::chrono::steady_clock::now();
+double SecondsUntil(client::RunningClock::time_point then) {
+  const std::chrono::duration<double> left = then - client::RunningClock::now();
   return std::max(0.0, left.count());
 }
 

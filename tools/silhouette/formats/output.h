@@ -2,7 +2,6 @@
 // Answers in words and as JSON.
 #pragma once
 
-#include <chrono>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -75,6 +74,6 @@ std::string Spoken(absl::Time time);
 std::string Exact(absl::Time time);
 
 // 0 if it is over.
-double SecondsUntil(std::chrono::steady_clock::time_point then);
+double SecondsUntil(client::RunningClock::time_point then);
 
 }  // namespace silhouette
