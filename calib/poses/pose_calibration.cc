@@ -3,10 +3,12 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_noise.h"
 #include "db/status/status_macros.h"
@@ -101,9 +103,18 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
   RETURN_IF_ERROR(CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
+  ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, fit));
+  if (!misfits.doubts.empty() && !problem.accept_doubts) {
+    return FailedPrecondition(absl::StrJoin(misfits.doubts, "; "), "; --accept-doubts has the ",
+                              "poses all the same");
+  }
   const NoiseFactors factors = noise.Factors(statistics);
   RETURN_IF_ERROR(CheckNoise(bundle, factors));
+  for (const auto* sentences : {&misfits.doubts, &misfits.warnings}) {
+    fit.network.warnings.insert(fit.network.warnings.end(), sentences->begin(), sentences->end());
+  }
   PoseSolution solution = SolutionOf(fit, statistics, factors);
+  solution.doubts = std::move(misfits.doubts);
   RETURN_IF_ERROR(CheckWeakness(problem.least_frames, fit, solution));
   return solution;
 }

@@ -92,6 +92,8 @@ struct PoseSolution {
   double robot_noise_factor = 0;
   double survey_noise_factor = 0;
   std::vector<std::string> warnings;  // one sentence each
+  // Of the warnings, those for which the poses are refused without PoseProblem::accept_doubts.
+  std::vector<std::string> doubts;
 };
 
 // The standard deviation of where a camera with this covariance takes a point of its world (base,
@@ -102,7 +104,8 @@ double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point
 // FailedPrecondition: the data do not determine the poses or contradict each other; the message
 // says why, and what would mend it: too few poses, rotations about one axis only, no base frame,
 // views without connection (named), another tag size, poses shifted by one frame, in millimetres,
-// inverted or with quaternions in another order, mirrored boards.
+// inverted or with quaternions in another order, mirrored boards, a lens that does not fit, a
+// camera or a board that moved meanwhile.
 absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem);
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "calib/camera/common_field.h"
+#include "calib/poses/linear_bundle.h"
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/variance_components.h"
 #include "db/status/status_macros.h"
@@ -66,37 +67,46 @@ std::vector<ErrorPart> PartsOf(const Bundle& bundle, Eigen::Index rows) {
 
 }  // namespace
 
-absl::Status CountCommonErrors(Bundle& bundle) {
+absl::StatusOr<LinearBundle> LinearBundle::Of(Bundle& bundle) {
   constexpr double kLeastShare = 1e-11;  // of a scaled pivot: below, it is rounding
   const absl::Status unknown = FailedPrecondition(
       "how uncertain the poses are cannot be found, as the data hardly determine them; add frames "
       "with the flange turned about other axes");
-  const std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
+  std::optional<BundleJacobian> derivatives = JacobianOf(bundle);
   if (!derivatives) return unknown;
+  LinearBundle linear;
+  linear.blocks = std::move(derivatives->blocks);
   const Eigen::Index states = derivatives->jacobian.cols();
-  Eigen::VectorXd scale(states);
-  for (int i = 0; i < states; ++i) scale[i] = 1 / derivatives->jacobian.col(i).norm();
-  LeastSquares solved{.jacobian = derivatives->jacobian * scale.asDiagonal(),
-                      .inverse{},
-                      .residuals = Eigen::Map<const Eigen::VectorXd>(
-                          derivatives->residuals.data(), std::ssize(derivatives->residuals))};
+  linear.scale.resize(states);
+  for (int i = 0; i < states; ++i) linear.scale[i] = 1 / derivatives->jacobian.col(i).norm();
+  LeastSquares& solved = linear.solved;
+  solved.jacobian = derivatives->jacobian * linear.scale.asDiagonal();
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(
       Eigen::SparseMatrix<double>(solved.jacobian.transpose() * solved.jacobian));
   if (solver.info() != Eigen::Success || !(solver.vectorD().minCoeff() > kLeastShare)) {
     return unknown;
   }
   solved.inverse = solver.solve(Eigen::MatrixXd::Identity(states, states));
-  std::vector<ErrorPart> parts = PartsOf(bundle, solved.jacobian.rows());
-  const Eigen::MatrixXd covariance =
-      scale.asDiagonal() * CovarianceByParts(solved, parts) * scale.asDiagonal();
-  if (!covariance.allFinite()) return unknown;
-  for (const BundleBlock& block : derivatives->blocks) {
+  const Eigen::Map<const Eigen::VectorXd> residuals(derivatives->residuals.data(),
+                                                    std::ssize(derivatives->residuals));
+  solved.residuals =
+      residuals - solved.jacobian * (solved.inverse * (solved.jacobian.transpose() * residuals));
+  linear.parts = PartsOf(bundle, solved.jacobian.rows());
+  linear.covariance = linear.scale.asDiagonal() * CovarianceByParts(solved, linear.parts) *
+                      linear.scale.asDiagonal();
+  if (!linear.covariance.allFinite()) return unknown;
+  return linear;
+}
+
+absl::Status CountCommonErrors(Bundle& bundle) {
+  ASSIGN_OR_RETURN(const LinearBundle linear, LinearBundle::Of(bundle));
+  for (const BundleBlock& block : linear.blocks) {
     if (block.pose) {
-      const PoseCovariance found = covariance.block<6, 6>(block.column, block.column);
+      const PoseCovariance found = linear.covariance.block<6, 6>(block.column, block.column);
       block.pose->covariance = (found + found.transpose()) / 2;
     } else {
       bundle.size_sigmas[static_cast<size_t>(block.size)] =
-          std::sqrt(covariance(block.column, block.column));
+          std::sqrt(linear.covariance(block.column, block.column));
     }
   }
   return absl::OkStatus();

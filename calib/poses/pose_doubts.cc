@@ -56,6 +56,13 @@ std::optional<PoseProblem> Shifted(PoseProblem problem, int by) {
   return problem;
 }
 
+PoseProblem Reversed(PoseProblem problem) {
+  for (size_t i = 0, j = problem.robot_poses.size(); i + 1 < j--; ++i) {
+    std::swap(problem.robot_poses[i].base_from_flange, problem.robot_poses[j].base_from_flange);
+  }
+  return problem;
+}
+
 PoseProblem Resized(PoseProblem problem, double size) {
   for (PoseBoard& board : problem.boards) {
     BoardDescription description = board.board.description();
@@ -124,6 +131,9 @@ const std::vector<Guess>& Guesses() {
       {"frames and robot poses are shifted by one: with each frame's pose taken from the frame "
        "before it they fit; renumber them",
        [](const PoseProblem& problem) { return Shifted(problem, -1); }},
+      {"the robot's poses are in the reverse order of the frames; reverse the list, or name each "
+       "pose's frame",
+       Reversed},
       GuessOfPoses("the quaternions of the robot's poses are in the order w, x, y, z; give x, y, "
                    "z, w",
                    WithWFirst),

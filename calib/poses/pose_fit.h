@@ -62,6 +62,16 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit);
 // The same limit on the sizes of the last solve, with its covariances: FailedPrecondition.
 absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit);
 
+// Lenses that are not as described, and cameras and boards that moved meanwhile: what the residuals
+// of the last solve have in common by place in the image, and by time.
+struct PoseMisfits {
+  std::vector<std::string> doubts;  // sentences, of what makes the poses wrong
+  std::vector<std::string> warnings;
+};
+
+// After CountCommonErrors. Adds to the covariances what lenses that do not fit cost.
+absl::StatusOr<PoseMisfits> FindMisfits(const RobotNoise& noise, PoseFit& fit);
+
 // A solved bundle as a PoseSolution.
 
 // Where boards were seen, in the base, or in the flange for views on it.

@@ -75,6 +75,8 @@ struct PoseProblem {
   // The least number of the robot's poses that may hold the cameras, where no survey does.
   int least_frames = 6;
   SizeTrust size_trust = SizeTrust::kNeither;
+  // Poses are found in spite of lenses that do not fit and of things that moved meanwhile.
+  bool accept_doubts = false;
   std::vector<std::string> warnings;  // of those who read it; the solution has them, too
 };
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/poses/variance_components.h"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 #include <utility>
 
@@ -63,7 +64,53 @@ void SolveWithoutNegative(const Eigen::MatrixXd& a, const Eigen::VectorXd& b,
   }
 }
 
+// Inverse of a symmetric matrix that has none below 0; of what is hardly there, 0.
+Eigen::MatrixXd PseudoInverse(const Eigen::MatrixXd& matrix) {
+  constexpr double kLeastShare = 1e-9;
+  const Eigen::VectorXd scale = matrix.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(scale.asDiagonal() * matrix *
+                                                              scale.asDiagonal());
+  const Eigen::VectorXd inverse = solver.eigenvalues().unaryExpr(
+      [](double value) { return value > kLeastShare ? 1 / value : 0.0; });
+  const Eigen::MatrixXd axes = scale.asDiagonal() * solver.eigenvectors();
+  return axes * inverse.asDiagonal() * axes.transpose();
+}
+
 }  // namespace
+
+double FoundUnknowns::Chi2(Eigen::Index first, Eigen::Index count) const {
+  const Eigen::VectorXd some = values.segment(first, count);
+  return some.dot(PseudoInverse(covariance.block(first, first, count, count)) * some);
+}
+
+UnknownSearch::UnknownSearch(const LeastSquares& solved, const std::vector<ErrorPart>& parts)
+    : solved_(solved), parts_(parts) {
+  for (const ErrorPart& part : parts) {
+    pulls_.emplace_back(part.by_shift.transpose() * solved.jacobian);
+  }
+}
+
+FoundUnknowns UnknownSearch::Find(const ErrorPart::Rows& by_unknown) const {
+  const Eigen::MatrixXd of_state = solved_.jacobian.transpose() * by_unknown;
+  const Eigen::MatrixXd follow = solved_.inverse * of_state;
+  const Eigen::MatrixXd normal =
+      Eigen::MatrixXd(by_unknown.transpose() * by_unknown) - of_state.transpose() * follow;
+  const Eigen::MatrixXd inverse = PseudoInverse(normal);
+  // By which the residuals move with the unknowns once the state has followed: W.
+  const Eigen::MatrixXd moved = Eigen::MatrixXd(by_unknown) - solved_.jacobian * follow;
+  Eigen::MatrixXd errors = Eigen::MatrixXd::Zero(normal.rows(), normal.cols());
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    const Eigen::MatrixXd pulled =
+        Eigen::MatrixXd(parts_[i].by_shift.transpose() * by_unknown) - pulls_[i] * follow;
+    errors += *parts_[i].variance * pulled.transpose() * pulled;
+  }
+  FoundUnknowns found;
+  found.values = -(inverse * (moved.transpose() * solved_.residuals));
+  found.covariance = inverse * errors * inverse;
+  found.state = -(follow * found.values);
+  found.residuals = solved_.residuals + moved * found.values;
+  return found;
+}
 
 Eigen::MatrixXd CovarianceByParts(const LeastSquares& solved, std::vector<ErrorPart>& parts) {
   const std::vector<Pull> pulls = PullsOf(solved, parts);

@@ -30,4 +30,28 @@ struct LeastSquares {
 // its pull on the residuals are as large as expected.
 Eigen::MatrixXd CovarianceByParts(const LeastSquares& solved, std::vector<ErrorPart>& parts);
 
+// What the residuals say of unknowns that the solve did not seek.
+struct FoundUnknowns {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd covariance;  // by the parts' errors
+  Eigen::VectorXd state;       // by how much the solved state changes with them
+  Eigen::VectorXd residuals;   // with them
+  // values' covariance^-1 values of those from `first` on.
+  double Chi2(Eigen::Index first, Eigen::Index count) const;
+};
+
+class UnknownSearch {
+ public:
+  // Both must outlive this; the parts' variances are known and may change meanwhile.
+  UnknownSearch(const LeastSquares& solved, const std::vector<ErrorPart>& parts);
+
+  // `by_unknown`: the residuals' derivatives. What the data do not determine of them stays 0.
+  FoundUnknowns Find(const ErrorPart::Rows& by_unknown) const;
+
+ private:
+  const LeastSquares& solved_;
+  const std::vector<ErrorPart>& parts_;
+  std::vector<ErrorPart::Rows> pulls_;  // Z'J of each part
+};
+
 }  // namespace silhouette

@@ -160,7 +160,9 @@ std::vector<LeftOutPart> SolveWithoutEach(const PoseProblem& problem, const Sigh
 class Maker {
  public:
   Maker(const PoseProblem& problem, const ReportSettings& settings)
-      : problem_(problem), settings_(settings) {}
+      : problem_(problem), settings_(settings) {
+    problem_.accept_doubts = true;  // the report shows what is doubted
+  }
 
   absl::StatusOr<QualityReport> Make() {
     if (settings_.groups < 2) return absl::InvalidArgumentError("two groups are the least");
@@ -273,6 +275,7 @@ class Maker {
     report_.robot_noise_factor = solution_.robot_noise_factor;
     report_.survey_noise_factor = solution_.survey_noise_factor;
     report_.warnings = solution_.warnings;
+    report_.doubts = solution_.doubts;
     std::set<std::string> driven;
     for (const RobotPose& pose : problem_.robot_poses) driven.insert(pose.frame);
     for (const SolvedFrame& solved : solution_.frames) {
@@ -386,7 +389,7 @@ class Maker {
     }
   }
 
-  const PoseProblem& problem_;
+  PoseProblem problem_;
   const ReportSettings& settings_;
   PoseSolution solution_;
   QualityReport report_;
@@ -405,7 +408,9 @@ class Maker {
 
 absl::StatusOr<QualityReport> MakeReport(const PoseProblem& problem,
                                          const ReportSettings& settings) {
-  return Maker(problem, settings).Make();
+  absl::StatusOr<QualityReport> report = Maker(problem, settings).Make();
+  if (report.ok() && problem.accept_doubts) report->doubts.clear();
+  return report;
 }
 
 }  // namespace silhouette

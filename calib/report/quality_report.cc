@@ -205,7 +205,7 @@ Grade GradeOf(const ReportView& view) {
 }
 
 Grade GradeOf(const QualityReport& report) {
-  if (!report.refusal.empty()) return Grade::kBad;
+  if (!report.refusal.empty() || !report.doubts.empty()) return Grade::kBad;
   Grade worst = report.warnings.empty() ? Grade::kGood : Grade::kFair;
   for (const ReportView& view : report.views) worst = std::max(worst, GradeOf(view));
   for (const ReportPair& pair : report.pairs) worst = std::max(worst, GradeOfLines(pair, report));
@@ -213,7 +213,8 @@ Grade GradeOf(const QualityReport& report) {
 }
 
 bool IsStable(const QualityReport& report) {
-  return report.refusal.empty() && std::ranges::none_of(report.views, [](const ReportView& view) {
+  return report.refusal.empty() && report.doubts.empty() &&
+         std::ranges::none_of(report.views, [](const ReportView& view) {
            return (view.repeatability &&
                    GradeOf(*view.repeatability, view.predicted) == Grade::kBad) ||
                   (view.halves && GradeOf(*view.halves) == Grade::kBad);

@@ -128,6 +128,7 @@ enum class HeldOutBy { kNothing, kFrames, kBoards };
 struct QualityReport {
   std::string refusal;  // why there is no calibration, with the mend; empty: there is one
   std::vector<std::string> warnings;  // one sentence each
+  std::vector<std::string> doubts;    // of the warnings, those for which `poses` refuses
   std::vector<ReportView> views;
   std::vector<ReportPair> pairs;    // of views that do not move
   std::vector<ReportImage> images;  // frame by frame
@@ -164,7 +165,7 @@ Grade GradeOf(const ReportView& view);
 Grade GradeOf(const QualityReport& report);
 
 // Whether there is a calibration that frames left out, and the halves of the session, do not
-// contradict.
+// contradict, and that is not doubted.
 bool IsStable(const QualityReport& report);
 
 // What the report's figures give reason to warn of, one sentence each.

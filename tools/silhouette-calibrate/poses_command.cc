@@ -177,6 +177,10 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
       std::cerr << "silhouette-calibrate: " << warning << "\n";
     }
     std::cerr << "silhouette-calibrate: " << report.refusal << std::endl;
+  } else if (!report.doubts.empty()) {
+    for (const std::string& doubt : report.doubts) {
+      std::cerr << "silhouette-calibrate: " << doubt << std::endl;
+    }
   } else if (!IsStable(report)) {
     std::cerr << "silhouette-calibrate: the calibration is not stable: other frames give another, "
                  "as the report's warnings say; mend what they name, or add frames"

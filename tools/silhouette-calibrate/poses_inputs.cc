@@ -248,6 +248,7 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   ASSIGN_OR_RETURN(problem.robot_noise, NoiseFrom(sources.robot_sigma));
   problem.least_frames = sources.least_frames;
   problem.size_trust = sources.size_trust;
+  problem.accept_doubts = sources.accept_doubts;
   RETURN_IF_ERROR(ReadViews(sources, problem));
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
   ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
@@ -309,6 +310,8 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->transform(CLI::CheckedTransformer(std::map<std::string, SizeTrust>{
           {"stated", SizeTrust::kStated}, {"found", SizeTrust::kFound}}))
       ->option_text("stated|found");
+  command.add_flag("--accept-doubts", s.accept_doubts,
+                   "Only warn of lenses that do not fit, and of cameras and boards that moved");
   command.add_option("--flange-board", s.flange_board, "The board on the flange");
   command.add_option("--standing", s.standing_boards,
                      "A board that stands still in all frames, at an unknown pose");
@@ -363,7 +366,9 @@ std::string HintOfNotation(const PoseSources& sources, PoseProblem problem) {
 std::string HintOfUnit(const PoseSources& sources, PoseProblem problem,
                        const std::string& refusal) {
   if (!sources.robot_poses.empty()) {
-    return absl::StrContains(refusal, "it looks as if") ? "" : HintOfNotation(sources, problem);
+    const bool explained = absl::StrContains(refusal, "it looks as if") ||
+                           absl::StrContains(refusal, "--accept-doubts");
+    return explained ? "" : HintOfNotation(sources, problem);
   }
   if (sources.joints.empty()) return "";
   const bool degrees = sources.joint_unit == AngleUnit::kDegrees;

@@ -34,6 +34,7 @@ struct PoseSources {
   std::string robot_sigma;  // "0.2mm,0.02deg"
   SizeTrust size_trust = SizeTrust::kNeither;
   int least_frames = PoseProblem().least_frames;
+  bool accept_doubts = false;
 };
 
 // InvalidArgument or NotFound in a sentence, with file and line where a file is wrong.

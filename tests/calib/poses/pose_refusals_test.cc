@@ -146,6 +146,17 @@ TEST(PoseRefusals, PosesShiftedByOneFrameAreTold) {
   }
 }
 
+TEST(PoseRefusals, PosesInReverseOrderAreTold) {
+  for (const int frames : {17, 18}) {
+    PoseRig rig = FlangeRig(7, 4, frames);
+    const std::vector<RobotPose> poses = rig.problem.robot_poses;
+    for (size_t i = 0; i < poses.size(); ++i) {
+      rig.problem.robot_poses[i].base_from_flange = poses[poses.size() - 1 - i].base_from_flange;
+    }
+    EXPECT_THAT(Refusal(rig.problem), HasSubstr("in the reverse order")) << frames;
+  }
+}
+
 TEST(PoseRefusals, OneViewWhoseImagesAreShiftedIsNamed) {
   PoseRig rig = FlangeRig(7, 4, 18);
   for (TagSighting& seen : rig.problem.sightings) {

@@ -105,6 +105,8 @@ TEST(QualityReport, ACameraThatMovedHalfwayIsShownAsUnstable) {
   const QualityReport report = ReportOf(rig.problem);
   EXPECT_THAT(report.warnings, Contains(AllOf(HasSubstr("first half"), HasSubstr("'camera1' ("),
                                               Not(HasSubstr("'camera2'")))));
+  EXPECT_THAT(report.doubts, ElementsAre(HasSubstr("'camera1' moved: from the frame 'frame1015'")));
+  EXPECT_FALSE(IsStable(report));
   EXPECT_EQ(GradeOf(report.views[1]), Grade::kBad);
   ASSERT_TRUE(report.views[1].halves.has_value());
   EXPECT_GT(report.views[1].halves->px, 3 * report.views[1].halves->expected_px);
