@@ -346,10 +346,10 @@ class Misfits {
     const bool refused = likeliest->chi2 > kMotionCertain && shift > kRefusedMotion;
     (refused ? found_.doubts : found_.warnings)
         .push_back(absl::StrFormat(
-            "%s moved: from the frame '%s' on it is elsewhere, by %.1f mm (where boards were seen) "
+            "%s %s: from the frame '%s' on it is elsewhere, by %.1f mm (where boards were seen) "
             "and %.2f deg; fasten it and take the frames again, or use only those before or after",
-            names, order_.NameOf(likeliest->from), 1000 * shift,
-            motion.values.head<3>().norm() / kDegree));
+            names, refused ? "moved" : "may have moved", order_.NameOf(likeliest->from),
+            1000 * shift, motion.values.head<3>().norm() / kDegree));
   }
 
   // The sum of squares that is left with these unknowns, by the parts' variances.
