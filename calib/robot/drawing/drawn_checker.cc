@@ -11,10 +11,8 @@
 namespace silhouette {
 namespace {
 
-// Of a ball's radius: a part that is grown by more is nearly as round, and dear to draw.
-constexpr double kAsBall = 0.5;
-
 using Candidate = DrawnCheckScratch::Candidate;
+using NearView = DrawnCheckScratch::NearView;
 using OpenView = DrawnCheckScratch::OpenView;
 
 // The first and the last row with a pixel.
@@ -67,52 +65,54 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
   }
 }
 
-bool DrawnChecker::Look(const OpenView& near_view, Growth growth,
-                        DrawnCheckScratch& scratch) const {
+bool DrawnChecker::Look(size_t view, DrawnCheckScratch& scratch) const {
+  const BallLook& look = robot_->looks()[view];
+  if (!look.bounded()) return false;
   const PartBalls& balls = robot_->balls();
-  const size_t view = near_view.view;
-  const size_t begin = scratch.candidates.size();
-  if (!robot_->looks()[view].bounded()) {
-    for (size_t part = 0; part < robot_->parts().size(); ++part) {
-      scratch.candidates.push_back({view, part, 0});
-    }
-    return false;
-  }
-  for (size_t i = near_view.begin; i < near_view.end; ++i) {
-    SeenBalls& vector = scratch.seen[i];
-    robot_->looks()[view].See(balls, scratch.balls, planes_[view].distances, vector);
-    for (uint32_t near = vector.near; near != 0; near &= near - 1) {
+  const size_t begin = scratch.seen.size();
+  for (size_t group = 0; group < balls.groups(); ++group) {
+    for (uint32_t near = scratch.near_groups[view * balls.groups() + group]; near != 0;
+         near &= near - 1) {
       const auto lane = static_cast<size_t>(std::countr_zero(near));
-      const size_t ball = BallNumbers::kLanes * vector.vector + lane;
-      const auto pixel = static_cast<uint32_t>(vector.pixel[lane]);
-      const int distance = planes_[view].distances.UnitsAt(pixel / 2);
-      const size_t part = balls.part(ball);
-      const bool as_ball =
-          !growth.empty() && growth[part] > kAsBall * static_cast<double>(balls.radius(ball));
-      if (as_ball || (distance == 0 && pixel % 2 == 1)) {
-        scratch.candidates.resize(begin);
+      SeenBalls& seen = scratch.seen.emplace_back();
+      seen.vector = BallNumbers::kLanes * group + lane;
+      look.See(balls, scratch.balls, planes_[view].distances, seen);
+      if (seen.shown != 0 || (seen.near & scratch.balls.grown[seen.vector]) != 0) {
+        scratch.seen.resize(begin);
         return true;
       }
-      const int depth = vector.reach[lane] - distance;
-      // Balls of a part stand together.
-      if (scratch.candidates.size() > begin && scratch.candidates.back().part == part) {
-        int& deepest = scratch.candidates.back().depth;
-        deepest = std::max(deepest, depth);
-      } else {
-        scratch.candidates.push_back({view, part, depth});
-      }
+      if (seen.near == 0) scratch.seen.pop_back();
     }
   }
   return false;
 }
 
-bool DrawnChecker::IsMet(const Candidate& candidate, Growth growth,
-                         DrawnCheckScratch& scratch) const {
-  const RobotPart& part = robot_->parts()[candidate.part];
-  return robot_->views()[candidate.view].Meets(
-      scratch.base_from_link[part.moves_with], part.points, robot_->edges()[candidate.part],
-      part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
-      planes_[candidate.view].mask.words(), planes_[candidate.view].rows);
+bool DrawnChecker::IsMet(const OpenView& open, Growth growth, DrawnCheckScratch& scratch) const {
+  const PartBalls& balls = robot_->balls();
+  std::vector<Candidate>& candidates = scratch.candidates;
+  candidates.clear();
+  for (const SeenBalls& seen : std::span(scratch.seen).subspan(open.begin, open.end - open.begin)) {
+    for (uint32_t near = seen.near; near != 0; near &= near - 1) {
+      const auto lane = static_cast<size_t>(std::countr_zero(near));
+      const size_t part = balls.part(BallNumbers::kLanes * seen.vector + lane);
+      // Balls of a part stand together.
+      if (candidates.empty() || candidates.back().part != part) candidates.push_back({part, 0});
+      candidates.back().depth = std::max(candidates.back().depth, seen.depth[lane]);
+    }
+  }
+  if (!robot_->looks()[open.view].bounded()) {
+    for (size_t part = 0; part < robot_->parts().size(); ++part) candidates.push_back({part, 0});
+  }
+  // What reaches farthest into the plane first: most likely it meets it.
+  std::ranges::sort(candidates, std::greater(), &Candidate::depth);
+  const Plane& plane = planes_[open.view];
+  return std::ranges::any_of(candidates, [&](const Candidate& candidate) {
+    const RobotPart& part = robot_->parts()[candidate.part];
+    return robot_->views()[open.view].Meets(
+        scratch.base_from_link[part.moves_with], part.points, robot_->edges()[candidate.part],
+        part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
+        plane.mask.words(), plane.rows);
+  });
 }
 
 int DrawnChecker::Showing(std::span<const double> q, Growth growth, int enough,
@@ -125,6 +125,26 @@ bool DrawnChecker::ShownBy(int views, std::span<const double> q, Growth growth,
   return Count(q, growth, views, /*any_counts=*/false, scratch) >= views;
 }
 
+void DrawnChecker::FindNear(DrawnCheckScratch& scratch) const {
+  const PartBalls& balls = robot_->balls();
+  const size_t groups = balls.groups();
+  scratch.near_groups.resize(planes_.size() * groups);
+  scratch.near.clear();
+  for (size_t view = 0; view < planes_.size(); ++view) {
+    if (planes_[view].mask.words().empty()) continue;
+    const BallLook& look = robot_->looks()[view];
+    const auto near = std::span(scratch.near_groups).subspan(view * groups, groups);
+    const int vectors =
+        look.bounded() ? look.FindNear(balls, scratch.balls, planes_[view].distances, near) : 0;
+    scratch.near.push_back({view, vectors});
+  }
+  // After all views are looked at: until then, the processor works on several at a time.
+  std::erase_if(scratch.near, [&](const NearView& near) {
+    return near.vectors == 0 && robot_->looks()[near.view].bounded();
+  });
+  std::ranges::sort(scratch.near, std::greater(), &NearView::vectors);
+}
+
 int DrawnChecker::Count(std::span<const double> q, Growth growth, int enough, bool any_counts,
                         DrawnCheckScratch& scratch) const {
   if (enough < 1) throw std::invalid_argument("no view is not enough");
@@ -134,53 +154,37 @@ int DrawnChecker::Count(std::span<const double> q, Growth growth, int enough, bo
     return std::min(enough, static_cast<int>(planes_.size()));
   }
   robot_->balls().Place(scratch.base_from_link, growth, scratch.balls);
-  scratch.seen.clear();
-  scratch.near.clear();
-  for (size_t view = 0; view < planes_.size(); ++view) {
-    if (planes_[view].mask.words().empty()) continue;
-    const BallLook& look = robot_->looks()[view];
-    const size_t before = scratch.seen.size();
-    if (look.bounded()) {
-      look.FindNear(robot_->balls(), scratch.balls, planes_[view].distances, scratch.seen);
-    }
-    const size_t end = scratch.seen.size();
-    if (look.bounded() && end == before) continue;
-    scratch.near.push_back({view, before, end, static_cast<int>(end - before)});
-  }
+  FindNear(scratch);
   int showing = missing_;
   auto after = static_cast<int>(scratch.near.size());  // views still to be looked at or drawn
   const auto undecided = [&] {
     return showing < enough && (showing + after >= enough || (any_counts && showing == 0));
   };
-  scratch.candidates.clear();
+  scratch.seen.clear();
   scratch.open.clear();
-  std::ranges::sort(scratch.near, std::greater(), &OpenView::order);
-  for (const OpenView& near : scratch.near) {
+  for (const NearView& near : scratch.near) {
     if (!undecided()) break;
-    const size_t before = scratch.candidates.size();
-    const bool shown = Look(near, growth, scratch);
-    if (!shown && scratch.candidates.size() > before) {
-      // What reaches farthest into the plane first: most likely it meets it.
-      const auto candidates = std::span(scratch.candidates).subspan(before);
-      std::ranges::sort(candidates, std::greater(), &Candidate::depth);
-      scratch.open.push_back({near.view, before, scratch.candidates.size(), candidates[0].depth});
+    const size_t begin = scratch.seen.size();
+    const bool shown = Look(near.view, scratch);
+    const auto seen = std::span(scratch.seen).subspan(begin);
+    if (!shown && (!seen.empty() || !robot_->looks()[near.view].bounded())) {
+      int depth = 0;
+      for (const SeenBalls& balls : seen)
+        depth = std::max(depth, *std::ranges::max_element(balls.depth));
+      scratch.open.push_back({near.view, begin, scratch.seen.size(), depth});
       continue;
     }
     --after;
     if (shown) ++showing;
   }
-  std::ranges::sort(scratch.open, std::less(), &OpenView::order);
+  std::ranges::sort(scratch.open, std::less(), &OpenView::depth);
   std::span<const OpenView> open = scratch.open;
   while (!open.empty() && undecided()) {
     // The first view that shows an obstacle, then others that show none decide most.
-    const OpenView view = showing == 0 ? open.back() : open.front();
+    const OpenView& view = showing == 0 ? open.back() : open.front();
     open = showing == 0 ? open.first(open.size() - 1) : open.subspan(1);
     --after;
-    for (size_t i = view.begin; i < view.end; ++i) {
-      if (!IsMet(scratch.candidates[i], growth, scratch)) continue;
-      ++showing;
-      break;
-    }
+    if (IsMet(view, growth, scratch)) ++showing;
   }
   return std::min(enough, showing);
 }

@@ -25,29 +25,34 @@ namespace silhouette {
 
 // For one thread at a time; after a few checks nothing allocates.
 struct DrawnCheckScratch {
-  // A part that may meet the plane of a view.
-  struct Candidate {
+  // A view whose plane the robot may meet.
+  struct NearView {
     size_t view = 0;
-    size_t part = 0;
-    int depth = 0;  // PlaneDistances::kUnits by which a ball about it may reach into the plane
+    int vectors = 0;  // of balls that may meet it: the more, the likelier it shows an obstacle
   };
 
-  // A view that is not decided, with what is left to look at: `seen` or `candidates` from begin to
-  // end. The greater `order`, the likelier it shows an obstacle.
+  // A view that drawing decides.
   struct OpenView {
     size_t view = 0;
-    size_t begin = 0;
+    size_t begin = 0;  // of its balls in `seen`
     size_t end = 0;
-    int order = 0;
+    int depth = 0;  // the greatest: the greater, the likelier it shows an obstacle
+  };
+
+  // A part that may meet the plane of a view.
+  struct Candidate {
+    size_t part = 0;
+    int depth = 0;  // of its balls, the greatest
   };
 
   DrawingScratch drawing;
   std::vector<Eigen::Isometry3d> base_from_link;
   PlacedBalls balls;
-  std::vector<SeenBalls> seen;        // view by view
-  std::vector<Candidate> candidates;  // view by view
-  std::vector<OpenView> near;
+  std::vector<uint32_t> near_groups;  // by view, then vector of groups: a bit for each
+  std::vector<NearView> near;
+  std::vector<SeenBalls> seen;  // of open views
   std::vector<OpenView> open;
+  std::vector<Candidate> candidates;  // of one view
 };
 
 // The planes that show obstacles in one scene, prepared for questions about a robot at any joint
@@ -78,10 +83,11 @@ class DrawnChecker {
   // Showing; 0 says no more than any number below `enough` unless `any_counts`.
   int Count(std::span<const double> q, Growth growth, int enough, bool any_counts,
             DrawnCheckScratch& scratch) const;
-  // Whether the view certainly shows one; else appends the parts that may.
-  bool Look(const DrawnCheckScratch::OpenView& near, Growth growth,
-            DrawnCheckScratch& scratch) const;
-  bool IsMet(const DrawnCheckScratch::Candidate& candidate, Growth growth,
+  // Finds the views whose planes the robot may meet, the likeliest to show an obstacle first.
+  void FindNear(DrawnCheckScratch& scratch) const;
+  // Whether the view certainly shows one. If not, appends the balls that may meet its plane.
+  bool Look(size_t view, DrawnCheckScratch& scratch) const;
+  bool IsMet(const DrawnCheckScratch::OpenView& open, Growth growth,
              DrawnCheckScratch& scratch) const;
 
   struct Plane {

@@ -28,7 +28,7 @@ DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
       levers_.push_back(chain_.LeverOf(joint, part.moves_with, reach));
     }
   }
-  balls_ = PartBalls(parts_);
+  balls_ = PartBalls(parts_, edges_);
   for (const PartDrawer& view : views_) looks_.emplace_back(view);
 }
 

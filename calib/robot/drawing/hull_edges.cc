@@ -2,7 +2,9 @@
 #include "calib/robot/drawing/hull_edges.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "calib/robot/drawing/convex_outline.h"
@@ -81,6 +83,19 @@ void HullEdges::Add(const Eigen::Matrix3Xd& points, Eigen::Index a, Eigen::Index
       faces_.back().planes[face][i][lane] = planes[face][static_cast<Eigen::Index>(i)];
     }
   }
+}
+
+double HullEdges::DepthOf(const Vector3d& point) const {
+  constexpr double kDoubt = 1e-6;  // metres: faces that are nearly one are taken for one
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t edge = 0; edge < edges_.size(); ++edge) {
+    for (const auto& plane : faces_[edge / kLanes].planes) {
+      const auto of_edge = [&](size_t i) { return plane[i][edge % kLanes]; };
+      const Vector3d normal(of_edge(0), of_edge(1), of_edge(2));
+      least = std::min(least, -(normal.dot(point) + of_edge(3)));
+    }
+  }
+  return edges_.empty() ? 0 : std::max(0.0, least - kDoubt);
 }
 
 SILHOUETTE_WIDER_VECTORS static uint32_t EdgesBetween(const Four* a, const Four* b,

@@ -28,6 +28,9 @@ class HullEdges {
   // How many there were.
   Eigen::Index points() const { return points_; }
 
+  // How far a point is within the hull, metres, to 1 um; 0: it is not for certain.
+  double DepthOf(const Eigen::Vector3d& point) const;
+
   // Calls `take(a, b)` with the numbers of the points at both ends of each edge where faces that
   // `eye` sees meet others. The images of these edges, in no order, are the outline of the image of
   // the hull, to 0.1 um; some within it may be among them. `eye`: outside the hull.

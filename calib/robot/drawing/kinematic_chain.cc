@@ -28,8 +28,8 @@ bool IsFinite(const ChainLink& link) {
 
 // sin and 1 - cos of four angles within kMostTurned, to a unit or two of the last place. Reduced by
 // quarter turns as by Cody and Waite; polynomials and constants: fdlibm, k_sin.c and k_cos.c.
-SILHOUETTE_WIDER_VECTORS static void TurnsOf(const double* angles, double* sines,
-                                             double* versines) {
+[[gnu::always_inline]] static inline void TurnsOf(const double* angles, double* sines,
+                                                  double* versines) {
   constexpr double kRound = 0x1.8p52;  // what is added to it is rounded to whole numbers
   Four x;
   std::memcpy(&x, angles, sizeof x);
@@ -69,9 +69,9 @@ SILHOUETTE_WIDER_VECTORS static void TurnsOf(const double* angles, double* sines
 }
 
 // Matrices by columns. to = parent * (fixed + a * first + b * second)
-SILHOUETTE_WIDER_VECTORS static void MoveLink(const double* parent, const double* fixed,
-                                              const double* first, double a, const double* second,
-                                              double b, double* to) {
+[[gnu::always_inline]] static inline void MoveLink(const double* parent, const double* fixed,
+                                                   const double* first, double a,
+                                                   const double* second, double b, double* to) {
   // Each by itself, into a register.
   Four x, y, z, origin;
   std::memcpy(&x, parent, sizeof x);
@@ -148,6 +148,11 @@ void KinematicChain::Pose(std::span<const double> q,
                           std::vector<Eigen::Isometry3d>& base_from_link) const {
   if (q.size() != joints_.size()) throw std::invalid_argument("not a value for each joint");
   base_from_link.resize(links_.size());
+  Follow(q, base_from_link);
+}
+
+SILHOUETTE_WIDER_VECTORS void KinematicChain::Follow(
+    std::span<const double> q, std::span<Eigen::Isometry3d> base_from_link) const {
   constexpr size_t kLanes = 4;
   double moved[kLanes];
   double first[kLanes];

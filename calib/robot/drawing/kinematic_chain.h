@@ -61,6 +61,7 @@ class KinematicChain {
   double LeverOf(size_t joint, size_t link, double radius) const;
 
  private:
+  void Follow(std::span<const double> q, std::span<Eigen::Isometry3d> base_from_link) const;
   // How far its joint moves the link against its parent; 0 if there is none.
   double MovedBy(std::span<const double> q, size_t link) const;
 

@@ -105,6 +105,7 @@ void LensWindow::BoundLens(const CameraModel& camera) {
   const double h = 1e-4 * box_.sizes().maxCoeff();
   const Vector2d x(h, 0);
   const Vector2d y(0, h);
+  double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < (kSteps + 1) * (kSteps + 1); ++i) {
     const Vector2d share =
         Vector2d(i % (kSteps + 1), i / (kSteps + 1)) / static_cast<double>(kSteps);
@@ -125,6 +126,7 @@ void LensWindow::BoundLens(const CameraModel& camera) {
     const double area = dx.x() * dy.y() - dx.y() * dy.x();
     const double apart = std::sqrt(std::max(0.0, sum * sum - 4 * area * area));
     stretch_ = std::max(stretch_, std::sqrt((sum + apart) / 2));
+    least = std::min(least, std::sqrt(std::max(0.0, (sum - apart) / 2)));
     const double bend = std::sqrt(dxx.squaredNorm() + 2 * dxy.squaredNorm() + dyy.squaredNorm());
     // Not a number stays.
     if (!(scale <= scale_)) scale_ = scale;
@@ -132,7 +134,9 @@ void LensWindow::BoundLens(const CameraModel& camera) {
     if (std::isnan(scale_) || std::isnan(bend_)) break;
   }
   // Between two samples it changes by no more than it bends.
-  stretch_ = 1.001 * stretch_ + kLensSafety * bend_ * box_.sizes().norm() / (2 * kSteps);
+  const double between = kLensSafety * bend_ * box_.sizes().norm() / (2 * kSteps);
+  stretch_ = 1.001 * stretch_ + between;
+  shrink_ = std::max(0.0, 0.999 * least - between);
   scale_ *= kLensSafety;
   bend_ *= kLensSafety;
 }

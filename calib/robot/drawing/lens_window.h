@@ -36,6 +36,7 @@ class LensWindow {
   double scale() const { return scale_; }
   double bend() const { return bend_; }
   double stretch() const { return stretch_; }  // as scale, without a margin between samples
+  double shrink() const { return shrink_; }    // pixels by which it moves at least
 
  private:
   // x * normal <= offset
@@ -55,6 +56,7 @@ class LensWindow {
   double scale_ = 0;
   double bend_ = 0;
   double stretch_ = 0;
+  double shrink_ = 0;
 };
 
 // The pixel coordinate at which the image shows (p.x, p.y, 1) of the camera's frame; its fold is

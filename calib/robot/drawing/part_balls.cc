@@ -8,6 +8,7 @@
 #include <cstring>
 
 #include "calib/robot/drawing/drawn_robot.h"
+#include "calib/robot/drawing/hull_edges.h"
 #include "calib/robot/drawing/lens_window.h"
 #include "db/mask/wider_vectors.h"
 
@@ -20,6 +21,8 @@ using IntLanes [[gnu::vector_size(32)]] = int32_t;
 using DoubleFour [[gnu::vector_size(32)]] = double;
 
 constexpr auto kThin = static_cast<float>(PartDrawer::kThin);
+constexpr IntLanes kBits = {1, 2, 4, 8, 16, 32, 64, 128};
+constexpr float kUnknown = 1 << 16;  // PlaneDistances::kUnits, more than any distance
 // Single-precision sums of three products are this precise, and some more.
 constexpr double kFloat = 1e-6;
 
@@ -93,7 +96,7 @@ Cover CoverOf(const Eigen::Matrix3Xd& points) {
 
 }  // namespace
 
-PartBalls::PartBalls(std::span<const RobotPart> parts) {
+PartBalls::PartBalls(std::span<const RobotPart> parts, std::span<const HullEdges> edges) {
   size_t links = 0;
   for (const RobotPart& part : parts) links = std::max(links, part.moves_with + 1);
   for (size_t link = 0; link < links; ++link) {
@@ -104,6 +107,7 @@ PartBalls::PartBalls(std::span<const RobotPart> parts) {
         const double far = (parts[i].points.colwise() - centre).colwise().norm().maxCoeff();
         Append(i, link, centre, std::min(cover.radius, far), far);
         part_radius_[balls() - 1] = static_cast<float>(parts[i].radius);
+        depth_[balls() - 1] = static_cast<float>(edges[i].DepthOf(centre));
       }
     }
     // The last one again, up to whole vectors.
@@ -112,6 +116,7 @@ PartBalls::PartBalls(std::span<const RobotPart> parts) {
       Append(part_[last], link, {x_[last], y_[last], z_[last]}, balls_.radius[last],
              balls_.far[last]);
       part_radius_[last + 1] = part_radius_[last];
+      depth_[last + 1] = depth_[last];
     }
   }
   Group();
@@ -122,6 +127,7 @@ void PartBalls::Group() {
   const size_t vectors = (link_.size() + BallNumbers::kLanes - 1) / BallNumbers::kLanes;
   groups_.radius.resize(vectors);
   groups_.far.resize(vectors);
+  group_radius_.resize(vectors);
   for (size_t i = 0; i < link_.size(); ++i) {
     const size_t first = BallNumbers::kLanes * i;
     const auto centre = [&](size_t ball) { return Vector3d(x_[ball], y_[ball], z_[ball]); };
@@ -147,6 +153,7 @@ void PartBalls::Group() {
       groups_.radius[i] = std::max(groups_.radius[i], away + balls_.radius[ball]);
       groups_.far[i] = std::max(groups_.far[i], away + balls_.far[ball]);
     }
+    group_radius_[i] = Greatest(part_radius_.vector(i));
   }
 }
 
@@ -155,7 +162,8 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   const size_t ball = balls();
   if (ball % BallNumbers::kLanes == 0) {
     link_.push_back(link);
-    for (BallNumbers* numbers : {&x_, &y_, &z_, &balls_.radius, &balls_.far, &part_radius_}) {
+    for (BallNumbers* numbers :
+         {&x_, &y_, &z_, &balls_.radius, &balls_.far, &depth_, &part_radius_}) {
       numbers->resize(link_.size());
     }
   }
@@ -168,54 +176,59 @@ void PartBalls::Append(size_t part, size_t link, const Vector3d& centre, double 
   reach_ = std::max(reach_, centre.lpNorm<1>() + far);
 }
 
-// `pose`: by columns.
-SILHOUETTE_WIDER_VECTORS static void MoveBalls(const double* pose, const Lanes& x, const Lanes& y,
-                                               const Lanes& z, const float* middle, Lanes& to_x,
-                                               Lanes& to_y, Lanes& to_z, float* to_middle) {
+SILHOUETTE_WIDER_VECTORS void PartBalls::Move(std::span<const Eigen::Isometry3d> base_from_link,
+                                              PlacedBalls& placed) const {
   using Four [[gnu::vector_size(16)]] = float;
-  Four columns[4];
-  for (size_t i = 0; i < 4; ++i) {
-    DoubleFour column;
-    std::memcpy(&column, pose + 4 * i, sizeof column);
-    columns[i] = __builtin_convertvector(column, Four);
+  float away = 0;
+  for (size_t i = 0; i < link_.size(); ++i) {
+    const double* const pose = base_from_link[link_[i]].data();  // by columns
+    Four columns[4];
+#pragma GCC unroll 4
+    for (size_t k = 0; k < 4; ++k) {
+      DoubleFour column;
+      std::memcpy(&column, pose + 4 * k, sizeof column);
+      columns[k] = __builtin_convertvector(column, Four);
+    }
+    const auto& [right, up, out, move] = columns;
+    const Lanes& x = x_.vector(i);
+    const Lanes& y = y_.vector(i);
+    const Lanes& z = z_.vector(i);
+    placed.x.vector(i) = right[0] * x + up[0] * y + out[0] * z + move[0];
+    placed.y.vector(i) = right[1] * x + up[1] * y + out[1] * z + move[1];
+    placed.z.vector(i) = right[2] * x + up[2] * y + out[2] * z + move[2];
+    const std::array<float, 3>& middle = middles_[i];
+    const Four moved = right * middle[0] + up * middle[1] + out * middle[2] + move;
+    placed.groups.x[i] = moved[0];
+    placed.groups.y[i] = moved[1];
+    placed.groups.z[i] = moved[2];
+    away = std::max(away, std::abs(move[0]) + std::abs(move[1]) + std::abs(move[2]));
   }
-  const auto& [right, up, out, move] = columns;
-  to_x = right[0] * x + up[0] * y + out[0] * z + move[0];
-  to_y = right[1] * x + up[1] * y + out[1] * z + move[1];
-  to_z = right[2] * x + up[2] * y + out[2] * z + move[2];
-  const Four moved = right * middle[0] + up * middle[1] + out * middle[2] + move;
-  for (size_t i = 0; i < 3; ++i) to_middle[i] = moved[i];
+  placed.slack = static_cast<float>(kFloat * (1.00001 * double{away} + reach_));
 }
 
 void PartBalls::Place(std::span<const Eigen::Isometry3d> base_from_link,
                       std::span<const double> growth, PlacedBalls& placed) const {
+  // Of the radius of a ball: more makes its part nearly round.
+  constexpr double kNearlyRound = 0.5;
   BallPlaces& groups = placed.groups;
-  for (BallNumbers* numbers : {&placed.x, &placed.y, &placed.z}) numbers->resize(link_.size());
+  for (BallNumbers* numbers : {&placed.x, &placed.y, &placed.z}) numbers->resize(vectors());
   for (BallNumbers* numbers : {&groups.x, &groups.y, &groups.z}) {
     numbers->resize(groups_.radius.vectors());
   }
-  double away = 0;
-  for (size_t i = 0; i < link_.size(); ++i) {
-    const Eigen::Isometry3d& pose = base_from_link[link_[i]];
-    away = std::max(away, pose.translation().lpNorm<1>());
-    float middle[3];
-    MoveBalls(pose.data(), x_.vector(i), y_.vector(i), z_.vector(i), middles_[i].data(),
-              placed.x.vector(i), placed.y.vector(i), placed.z.vector(i), middle);
-    groups.x[i] = middle[0];
-    groups.y[i] = middle[1];
-    groups.z[i] = middle[2];
-  }
-  placed.slack = static_cast<float>(kFloat * (away + reach_));
+  Move(base_from_link, placed);
   placed.growth = part_radius_;
-  if (!growth.empty()) {
-    for (size_t ball = 0; ball < balls(); ++ball) {
-      placed.growth[ball] += static_cast<float>(growth[part_[ball]]);
+  groups.growth = group_radius_;
+  placed.grown.assign(vectors(), 0);
+  if (growth.empty()) return;
+  for (size_t ball = 0; ball < balls(); ++ball) {
+    const double by = growth[part_[ball]];
+    placed.growth[ball] += static_cast<float>(by);
+    const size_t vector = ball / BallNumbers::kLanes;
+    if (by > kNearlyRound * double{balls_.radius[ball]}) {
+      placed.grown[vector] |= uint32_t{1} << (ball % BallNumbers::kLanes);
     }
   }
-  groups.growth.resize(groups_.radius.vectors());
-  for (size_t i = 0; i < link_.size(); ++i) {
-    groups.growth[i] = Greatest(placed.growth.vector(i));
-  }
+  for (size_t i = 0; i < vectors(); ++i) groups.growth[i] = Greatest(placed.growth.vector(i));
 }
 
 BallLook::BallLook(const PartDrawer& view) {
@@ -242,6 +255,8 @@ BallLook::BallLook(const PartDrawer& view) {
   }
   circle_ = static_cast<float>(bounds.circle);
   stretch_ = static_cast<float>(bounds.stretch);
+  shrink_ = static_cast<float>(0.999 * bounds.shrink);
+  margin_ = static_cast<float>(view.margin());
   bend_ = static_cast<float>(bounds.bend);
   widened_ = static_cast<float>(bounds.widened);
   rational_ = in.distortion[5] != 0 || in.distortion[6] != 0 || in.distortion[7] != 0;
@@ -269,27 +284,27 @@ BallLook::BallLook(const PartDrawer& view) {
                                  kFloat * (width_ + height_) + 1e-3);
 }
 
-void BallLook::FindNear(const PartBalls& balls, const PlacedBalls& placed,
-                        const PlaneDistances& distances, std::vector<SeenBalls>& seen) const {
-  SeenBalls groups;
-  for (size_t i = 0; i < balls.groups_.radius.vectors(); ++i) {
-    SeeVector(balls.groups_, placed.groups, i, placed.slack + slack_, distances, groups);
-    for (uint32_t near = groups.near; near != 0; near &= near - 1) {
-      const size_t vector = BallNumbers::kLanes * i + static_cast<size_t>(std::countr_zero(near));
-      if (vector < balls.link_.size()) seen.push_back({.vector = vector});
-    }
-  }
+struct BallLook::Sight {
+  // The ball's centre, a point of the part, is in the square of the nearest pixel for certain.
+  IntLanes centred;
+  IntLanes distance;  // of that pixel from the plane
+  IntLanes depth;     // SeenBalls::depth
+  Lanes inverse;      // of z
+  Lanes off;          // pixels: of the ball's centre from the pixel's, at most
+};
+
+// All bits of all lanes.
+static inline uint32_t BitsOf(const IntLanes& of) {
+  IntLanes lanes = of;
+  lanes |= __builtin_shufflevector(lanes, lanes, 4, 5, 6, 7, 0, 1, 2, 3);
+  lanes |= __builtin_shufflevector(lanes, lanes, 2, 3, 0, 1, 6, 7, 4, 5);
+  lanes |= __builtin_shufflevector(lanes, lanes, 1, 0, 3, 2, 5, 4, 7, 6);
+  return static_cast<uint32_t>(lanes[0]);
 }
 
-void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
-                   const PlaneDistances& distances, SeenBalls& seen) const {
-  SeeVector(balls.balls_, placed, seen.vector, placed.slack + slack_, distances, seen);
-}
-
-SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& extents,
-                                                  const BallPlaces& placed, size_t i, float slack,
-                                                  const PlaneDistances& distances,
-                                                  SeenBalls& seen) const {
+[[gnu::always_inline]] inline BallLook::Sight BallLook::SeeVector(
+    const PartBalls::Extents& extents, const BallPlaces& placed, size_t i, float slack,
+    const PlaneDistances& distances) const {
   const Lanes& px = placed.x.vector(i);
   const Lanes& py = placed.y.vector(i);
   const Lanes& pz = placed.z.vector(i);
@@ -361,7 +376,6 @@ SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& exte
   const Lanes reach =
       stretch_ * disc * 1.00001F + (bow + sag) + (1.415F * widened_ + rounding_ + away + corner);
   const Lanes units = reach * static_cast<float>(PlaneDistances::kUnits);
-  constexpr auto kUnknown = static_cast<float>(SeenBalls::kUnknown);
   // Not a number is not less.
   const IntLanes known = ~unknown & (units < kUnknown);
   const Lanes result = hidden ? none - 1 : (known ? units : none + kUnknown);
@@ -369,19 +383,52 @@ SILHOUETTE_WIDER_VECTORS void BallLook::SeeVector(const PartBalls::Extents& exte
   const IntLanes centred =
       ahead & (u == cu) & (v == cv) & (more < 0.5F - rounding_) & ~hidden & ~unknown;
   const IntLanes pixel = row * width_ + column;
+  const uint16_t* const by_pixel = distances.units().data();
   IntLanes distance;
 #pragma GCC unroll 8
   for (int lane = 0; lane < static_cast<int>(BallNumbers::kLanes); ++lane) {
-    distance[lane] = distances.UnitsAt(static_cast<uint32_t>(pixel[lane]));
+    distance[lane] = by_pixel[pixel[lane]];
   }
-  IntLanes near = (distance <= most) & IntLanes{1, 2, 4, 8, 16, 32, 64, 128};
-  near |= __builtin_shufflevector(near, near, 4, 5, 6, 7, 0, 1, 2, 3);
-  near |= __builtin_shufflevector(near, near, 2, 3, 0, 1, 6, 7, 4, 5);
-  near |= __builtin_shufflevector(near, near, 1, 0, 3, 2, 5, 4, 7, 6);
-  seen.near = static_cast<uint32_t>(near[0]);
-  const IntLanes found = 2 * pixel + (centred & 1);
-  std::memcpy(seen.pixel, &found, sizeof found);
-  std::memcpy(seen.reach, &most, sizeof most);
+  return {.centred = centred,
+          .distance = distance,
+          .depth = most - distance,
+          .inverse = inverse,
+          .off = away};
+}
+
+SILHOUETTE_WIDER_VECTORS int BallLook::FindNear(const PartBalls& balls, const PlacedBalls& placed,
+                                                const PlaneDistances& distances,
+                                                std::span<uint32_t> near) const {
+  int found = 0;
+  for (size_t i = 0; i < balls.groups(); ++i) {
+    const Sight sight =
+        SeeVector(balls.groups_, placed.groups, i, placed.slack + slack_, distances);
+    const size_t lanes = std::min(BallNumbers::kLanes, balls.vectors() - BallNumbers::kLanes * i);
+    near[i] = BitsOf((sight.depth >= 0) & kBits) & ((uint32_t{1} << lanes) - 1);
+    found += std::popcount(near[i]);
+  }
+  return found;
+}
+
+SILHOUETTE_WIDER_VECTORS void BallLook::See(const PartBalls& balls, const PlacedBalls& placed,
+                                            const PlaneDistances& distances,
+                                            SeenBalls& seen) const {
+  const size_t i = seen.vector;
+  const float slack = placed.slack + slack_;
+  const Sight sight = SeeVector(balls.balls_, placed, i, slack, distances);
+  // The part holds this about the ball's centre, and the image a disc about that of the centre.
+  const Lanes depth = (balls.depth_.vector(i) + placed.growth.vector(i)) * 0.99999F - slack;
+  const Lanes disc = depth * sight.inverse * shrink_ + (margin_ - rounding_ - sight.off);
+  const Lanes units = disc * static_cast<float>(PlaneDistances::kUnits);
+  const IntLanes within =
+      __builtin_convertvector((units > 0) & (units < kUnknown) ? units : Lanes{}, IntLanes);
+  constexpr int kFar = PlaneDistances::kMost * PlaneDistances::kUnits;
+  const IntLanes met =
+      (sight.distance == 0) | ((sight.distance < within) & (sight.distance < kFar));
+  const uint32_t bits = BitsOf(((sight.depth >= 0) & kBits) | (sight.centred & met & (kBits << 8)));
+  seen.near = bits & 0xFF;
+  seen.shown = bits >> 8;
+  std::memcpy(seen.depth, &sight.depth, sizeof sight.depth);
 }
 
 }  // namespace silhouette

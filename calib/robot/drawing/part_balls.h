@@ -19,6 +19,7 @@
 namespace silhouette {
 
 struct RobotPart;
+class HullEdges;
 
 // One number for each ball, or lane. Aligned for vectors of 32 bytes.
 class BallNumbers {
@@ -50,30 +51,32 @@ struct BallPlaces {
 // Where the balls are in the world at some joint values, and how far their parts are grown.
 struct PlacedBalls : BallPlaces {
   BallPlaces groups;
+  // By vector, a bit for each ball whose part is grown by more than half of its radius. Such a part
+  // is nearly as round, and dear to draw.
+  std::vector<uint32_t> grown;
   float slack = 0;  // metres that rounding may have moved a ball by
 };
 
 // A vector of balls as a view sees it.
 struct SeenBalls {
   size_t vector = 0;
-  uint32_t near = 0;  // a bit for each ball that may meet the view's plane
-  // By ball: twice the number of the pixel whose centre is nearest to the ball's; one more if the
-  // ball's centre, a point of the part, is in its square for certain.
-  int32_t pixel[BallNumbers::kLanes] = {};
-  // PlaneDistances::kUnits about the centre of that pixel: if no square of the plane is as near,
-  // AddTouched meets it nowhere with the piece of the part that the ball holds. kUnknown: not
-  // known.
-  int32_t reach[BallNumbers::kLanes] = {};
-
-  static constexpr int32_t kUnknown = 1 << 16;  // more than any distance
+  // A bit for each ball. `near`: AddTouched may meet the view's plane with the piece of the part
+  // that the ball holds. `shown`: it certainly does.
+  uint32_t near = 0;
+  uint32_t shown = 0;
+  // By ball: PlaneDistances::kUnits by which it may reach into the plane; less than 0 if not near.
+  int32_t depth[BallNumbers::kLanes] = {};
 };
 
 class PartBalls {
  public:
-  explicit PartBalls(std::span<const RobotPart> parts);
+  // `edges`: of each part's points.
+  PartBalls(std::span<const RobotPart> parts, std::span<const HullEdges> edges);
   PartBalls() = default;
 
   size_t balls() const { return part_.size(); }
+  size_t vectors() const { return link_.size(); }
+  size_t groups() const { return groups_.radius.vectors(); }  // vectors of them
   size_t part(size_t ball) const { return part_[ball]; }
   // Metres; the ball's centre is in the hull of the part's points.
   float radius(size_t ball) const { return balls_.radius[ball]; }
@@ -92,16 +95,19 @@ class PartBalls {
 
   void Append(size_t part, size_t link, const Eigen::Vector3d& centre, double radius, double far);
   void Group();
+  void Move(std::span<const Eigen::Isometry3d> base_from_link, PlacedBalls& placed) const;
 
   std::vector<size_t> part_;  // by ball
   std::vector<size_t> link_;  // by vector of balls
   BallNumbers x_, y_, z_;     // in the frame of the link
   Extents balls_;             // of parts without their radius
+  BallNumbers depth_;         // of balls about the same centres that are within these
+  BallNumbers part_radius_;
   // By vector of balls:
   std::vector<std::array<float, 3>> middles_;
   Extents groups_;
-  BallNumbers part_radius_;
-  double reach_ = 0;  // how far a ball's centre is from its link's origin at most
+  BallNumbers group_radius_;  // of parts: the greatest
+  double reach_ = 0;          // how far a ball's centre is from its link's origin at most
 };
 
 // How balls appear in one view.
@@ -112,17 +118,19 @@ class BallLook {
   // Whether anything is known; else no ball is.
   bool bounded() const { return bounded_; }
 
-  // Appends the vectors of balls of which some may meet a plane, in their order; others meet it
-  // nowhere. `balls`: of which `placed` is. `distances`: of the plane.
-  void FindNear(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
-                std::vector<SeenBalls>& seen) const;
+  // Which vectors of balls may meet a plane; the others meet it nowhere. Sets `near`, for each
+  // vector of groups, to a bit for each group; returns how many it found. `balls`: of which
+  // `placed` is. `distances`: of the plane.
+  int FindNear(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
+               std::span<uint32_t> near) const;
   // Looks at each ball of one of them.
   void See(const PartBalls& balls, const PlacedBalls& placed, const PlaneDistances& distances,
            SeenBalls& seen) const;
 
  private:
-  void SeeVector(const PartBalls::Extents& extents, const BallPlaces& placed, size_t i, float slack,
-                 const PlaneDistances& distances, SeenBalls& seen) const;
+  struct Sight;
+  Sight SeeVector(const PartBalls::Extents& extents, const BallPlaces& placed, size_t i,
+                  float slack, const PlaneDistances& distances) const;
 
   bool bounded_ = false;
   float turn_[9] = {};  // camera from world, row by row
@@ -135,6 +143,8 @@ class BallLook {
   float high_[2] = {};
   float circle_ = 0;  // of the window; 0: it is the box
   float stretch_ = 0;
+  float shrink_ = 0;
+  float margin_ = 0;  // of the calibration
   float bend_ = 0;
   float widened_ = 0;
   float rounding_ = 0;  // pixels

@@ -431,6 +431,7 @@ PartDrawer::Bounds PartDrawer::bounds() const {
           .box = window_.box(),
           .circle = window_.radius() > 0 ? 1.0014 * window_.radius() : 0,
           .stretch = window_.stretch(),
+          .shrink = window_.shrink(),
           .bend = window_.bend(),
           .widened = widened_};
 }

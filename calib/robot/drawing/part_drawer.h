@@ -87,6 +87,7 @@ class PartDrawer {
     Eigen::AlignedBox2d box;  // at z = 1: what is beyond is cut off
     double circle = 0;        // the same, if it is not 0, beyond this distance from the axis
     double stretch = 0;       // pixels by which a step of 1 at z = 1 moves at most, within
+    double shrink = 0;        // and at least
     double bend = 0;          // and by which it bends (second derivative)
     double widened = 0;       // pixels on every side, the margin included
   };

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "db/mask/mask.h"
@@ -22,10 +23,9 @@ class PlaneDistances {
   explicit PlaneDistances(const Mask& plane);
   PlaneDistances() = default;
 
-  // Pixels from the centre of a pixel (Mask's number) to the nearest square of a set one; 0 in a
-  // set one. Up to 1/32 less than it is, never more.
-  float At(size_t pixel) const { return static_cast<float>(distances_[pixel]) * (1.0F / kUnits); }
-  int UnitsAt(size_t pixel) const { return distances_[pixel]; }
+  // By pixel (Mask's number): units from its centre to the nearest square of a set one, rounded
+  // down; 0 in a set one.
+  std::span<const uint16_t> units() const { return distances_; }
 
  private:
   std::vector<uint16_t> distances_;
