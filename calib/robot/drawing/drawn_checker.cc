@@ -15,21 +15,6 @@ using Candidate = DrawnCheckScratch::Candidate;
 using NearView = DrawnCheckScratch::NearView;
 using OpenView = DrawnCheckScratch::OpenView;
 
-// The first and the last row with a pixel.
-std::pair<int, int> RowsOf(const Mask& mask) {
-  const auto is_empty = [&mask](int y) {
-    for (int x = 0; x < mask.width(); ++x) {
-      if (mask.at(x, y)) return false;
-    }
-    return true;
-  };
-  int first = 0;
-  int last = mask.height() - 1;
-  while (first < last && is_empty(first)) ++first;
-  while (last > first && is_empty(last)) --last;
-  return {first, last};
-}
-
 void RequireGrowth(Growth growth, size_t parts) {
   if (growth.empty()) return;
   if (growth.size() != parts) throw std::invalid_argument("not a growth for each part");
@@ -50,7 +35,7 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
     throw std::invalid_argument("not a plane for each view of the robot");
   }
   for (size_t view = 0; view < shown.size(); ++view) {
-    Plane& plane = planes_.emplace_back();
+    std::optional<Plane>& plane = planes_.emplace_back();
     if (!shown[view]) {
       ++missing_;
       continue;
@@ -59,9 +44,7 @@ DrawnChecker::DrawnChecker(std::shared_ptr<const DrawnRobot> robot,
       throw std::invalid_argument("a plane has not the size of the view");
     }
     if (shown[view]->Empty()) continue;
-    plane.distances = PlaneDistances(*shown[view]);
-    plane.rows = RowsOf(*shown[view]);
-    plane.mask = *std::move(shown[view]);
+    plane.emplace(Plane{PlaneDistances(*shown[view]), DrawnPlane(*std::move(shown[view]))});
   }
 }
 
@@ -76,7 +59,7 @@ bool DrawnChecker::Look(size_t view, DrawnCheckScratch& scratch) const {
       const auto lane = static_cast<size_t>(std::countr_zero(near));
       SeenBalls& seen = scratch.seen.emplace_back();
       seen.vector = BallNumbers::kLanes * group + lane;
-      look.See(balls, scratch.balls, planes_[view].distances, seen);
+      look.See(balls, scratch.balls, planes_[view]->distances, seen);
       if (seen.shown != 0 || (seen.near & scratch.balls.grown[seen.vector]) != 0) {
         scratch.seen.resize(begin);
         return true;
@@ -105,13 +88,12 @@ bool DrawnChecker::IsMet(const OpenView& open, Growth growth, DrawnCheckScratch&
   }
   // What reaches farthest into the plane first: most likely it meets it.
   std::ranges::sort(candidates, std::greater(), &Candidate::depth);
-  const Plane& plane = planes_[open.view];
+  const DrawnPlane& plane = planes_[open.view]->pixels;
   return std::ranges::any_of(candidates, [&](const Candidate& candidate) {
     const RobotPart& part = robot_->parts()[candidate.part];
     return robot_->views()[open.view].Meets(
         scratch.base_from_link[part.moves_with], part.points, robot_->edges()[candidate.part],
-        part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing,
-        plane.mask.words(), plane.rows);
+        part.radius + (growth.empty() ? 0 : growth[candidate.part]), scratch.drawing, plane);
   });
 }
 
@@ -131,11 +113,11 @@ void DrawnChecker::FindNear(DrawnCheckScratch& scratch) const {
   scratch.near_groups.resize(planes_.size() * groups);
   scratch.near.clear();
   for (size_t view = 0; view < planes_.size(); ++view) {
-    if (planes_[view].mask.words().empty()) continue;
+    if (!planes_[view]) continue;
     const BallLook& look = robot_->looks()[view];
     const auto near = std::span(scratch.near_groups).subspan(view * groups, groups);
     const int vectors =
-        look.bounded() ? look.FindNear(balls, scratch.balls, planes_[view].distances, near) : 0;
+        look.bounded() ? look.FindNear(balls, scratch.balls, planes_[view]->distances, near) : 0;
     scratch.near.push_back({view, vectors});
   }
   // After all views are looked at: until then, the processor works on several at a time.

@@ -91,14 +91,13 @@ class DrawnChecker {
              DrawnCheckScratch& scratch) const;
 
   struct Plane {
-    Mask mask;                 // no size: the view shows nothing, or is missing
-    std::pair<int, int> rows;  // the first and the last that show anything
     PlaneDistances distances;
+    DrawnPlane pixels;
   };
 
   std::shared_ptr<const DrawnRobot> robot_;
-  std::vector<Plane> planes_;  // by view
-  int missing_ = 0;            // views
+  std::vector<std::optional<Plane>> planes_;  // by view; nothing: it shows nothing, or is missing
+  int missing_ = 0;                           // views
 };
 
 }  // namespace silhouette

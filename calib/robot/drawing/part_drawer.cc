@@ -139,6 +139,18 @@ void PlacePoints(const Eigen::Isometry3d& camera_from_body, const Eigen::Matrix3
 
 }  // namespace
 
+DrawnPlane::DrawnPlane(Mask mask) : mask_(std::move(mask)), rows_(0, mask_.height() - 1) {
+  const auto is_empty = [this](int y) {
+    for (int x = 0; x < mask_.width(); ++x) {
+      if (mask_.at(x, y)) return false;
+    }
+    return true;
+  };
+  auto& [first, last] = rows_;
+  while (first < last && is_empty(first)) ++first;
+  while (last > first && is_empty(last)) --last;
+}
+
 PartDrawer::PartDrawer(const CameraModel& camera, MaskSize size, double margin)
     : camera_(Scaled(camera, size)),
       size_(size),
@@ -186,8 +198,8 @@ bool PartDrawer::ForEachRow(const DrawingScratch& scratch, Take take) const {
   return true;
 }
 
-bool PartDrawer::IsClear(std::array<double, 4> low, std::array<double, 4> high,
-                         DrawingScratch& scratch, MaskWords plane) const {
+bool PartDrawer::IsClear(Octagon seen, DrawingScratch& scratch, MaskWords plane) const {
+  auto& [low, high] = seen;
   for (size_t i = 0; i < 4; ++i) {
     const double reach = 1.036 * scratch.most_reach * (i < 2 ? 1 : std::numbers::sqrt2);
     low[i] -= reach;
@@ -207,7 +219,7 @@ bool PartDrawer::IsClear(std::array<double, 4> low, std::array<double, 4> high,
                     [&](size_t first, size_t last) { return !AnyBit(plane, first, last); });
 }
 
-bool PartDrawer::IsClearOf(const Octagon& pixels, const Extremes& seen,
+bool PartDrawer::IsClearOf(const Octagon& pixels, const Octagon& seen,
                            const DrawingScratch& scratch, MaskWords plane) const {
   const auto& [low, high] = pixels;
   const Vector2d extent(seen.high[0] - seen.low[0], seen.high[1] - seen.low[1]);
@@ -350,7 +362,7 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
   const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
-  Extremes seen = Project(camera_from_body, points, scratch.projected);
+  ProjectedExtent seen = Project(camera_from_body, points, scratch.projected);
   if (!std::isfinite(seen.sum) || !std::isfinite(window_.scale()) ||
       !std::isfinite(window_.bend())) {
     return Extent::kAll;
@@ -370,16 +382,17 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   scratch.most_reach = growth * std::sqrt(1 + seen.off_axis) / (seen.nearest - growth);
   scratch.least_reach = growth / seen.farthest;
   scratch.widened_by = scratch.most_reach * window_.stretch();
+  const Octagon& octagon = seen.octagon;
   const bool known = !edges.empty() && edges.points() == points.cols();
   if (!cut && known && window_.clear_of_fold() && scratch.widened_by <= kThin &&
-      window_.Holds({seen.low[0], seen.low[1]}, {seen.high[0], seen.high[1]})) {
+      window_.Holds({octagon.low[0], octagon.low[1]}, {octagon.high[0], octagon.high[1]})) {
     const Octagon pixels = PixelsAt(camera_.intrinsics(), scratch.projected, scratch.pixels);
-    if (!plane.empty() && IsClearOf(pixels, seen, scratch, plane)) return Extent::kNothing;
+    if (!plane.empty() && IsClearOf(pixels, octagon, scratch, plane)) return Extent::kNothing;
     const Vector3d eye = -camera_from_body.linear().transpose() * camera_from_body.translation();
     TraceEdges(edges, eye, scratch);
     return Extent::kRows;
   }
-  if (!plane.empty() && window_.clear_of_fold() && IsClear(seen.low, seen.high, scratch, plane)) {
+  if (!plane.empty() && window_.clear_of_fold() && IsClear(octagon, scratch, plane)) {
     return Extent::kNothing;
   }
   if (!cut) PlacePoints(camera_from_body, points, scratch);
@@ -410,19 +423,20 @@ void PartDrawer::AddTouched(const Eigen::Isometry3d& world_from_body,
 
 bool PartDrawer::Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                        const HullEdges& edges, double growth, DrawingScratch& scratch,
-                       MaskWords plane, std::pair<int, int> rows) const {
-  RequireWords(size_, static_cast<size_t>(points.cols()), plane.size());
-  scratch.rows = rows;
-  switch (Trace(world_from_body, points, edges, growth, scratch, plane)) {
+                       const DrawnPlane& plane) const {
+  const MaskWords words = plane.words();
+  RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
+  scratch.rows = plane.rows();
+  switch (Trace(world_from_body, points, edges, growth, scratch, words)) {
     case Extent::kNothing:
       return false;
     case Extent::kAll:
-      return AnyBit(plane, 0, size_.pixels() - 1);
+      return AnyBit(words, 0, size_.pixels() - 1);
     case Extent::kRows:
       break;
   }
   return !ForEachRow(scratch,
-                     [&](size_t first, size_t last) { return !AnyBit(plane, first, last); });
+                     [&](size_t first, size_t last) { return !AnyBit(words, first, last); });
 }
 
 PartDrawer::Bounds PartDrawer::bounds() const {
@@ -440,7 +454,7 @@ void PartDrawer::AddCovered(const Eigen::Isometry3d& world_from_body,
                             const Eigen::Matrix3Xd& points, DrawingScratch& scratch,
                             std::span<uint64_t> words) const {
   RequireWords(size_, static_cast<size_t>(points.cols()), words.size());
-  const Extremes seen =
+  const ProjectedExtent seen =
       Project(camera_.camera_from_world() * world_from_body, points, scratch.projected);
   if (!std::isfinite(seen.sum) || seen.nearest < kNear) return;
   ConvexHull(scratch.projected, scratch.hull);

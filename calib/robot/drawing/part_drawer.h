@@ -46,6 +46,20 @@ struct DrawingScratch {
   std::pair<int, int> rows;  // the first and the last in which it is wanted
 };
 
+// The pixels of a view that bodies are tested against. A value.
+class DrawnPlane {
+ public:
+  explicit DrawnPlane(Mask mask);
+
+  MaskWords words() const { return mask_.words(); }
+  // The first and the last that have a pixel; none has one: the last.
+  std::pair<int, int> rows() const { return rows_; }
+
+ private:
+  Mask mask_;
+  std::pair<int, int> rows_;
+};
+
 class PartDrawer {
  public:
   // Growth that is not more is a margin along both axes, pixels.
@@ -71,11 +85,10 @@ class PartDrawer {
                   const HullEdges& edges, double growth, DrawingScratch& scratch,
                   std::span<uint64_t> words) const;
 
-  // Whether AddTouched would set a pixel that `plane` has. `rows`: it has none before the first and
-  // after the second, which are of the image.
+  // Whether AddTouched would set a pixel that `plane`, of a mask of size(), has.
   bool Meets(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
-             const HullEdges& edges, double growth, DrawingScratch& scratch, MaskWords plane,
-             std::pair<int, int> rows) const;
+             const HullEdges& edges, double growth, DrawingScratch& scratch,
+             const DrawnPlane& plane) const;
 
   // Sets pixels in whose squares every ray meets the body.
   void AddCovered(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
@@ -112,13 +125,12 @@ class PartDrawer {
   Extent Trace(const Eigen::Isometry3d& world_from_body, const Eigen::Matrix3Xd& points,
                const HullEdges& edges, double growth, DrawingScratch& scratch,
                MaskWords plane) const;
-  // Whether an octagon about the projected, grown points meets the plane nowhere. `low`, `high`: of
-  // their x, y, x + y and x - y.
-  bool IsClear(std::array<double, 4> low, std::array<double, 4> high, DrawingScratch& scratch,
-               MaskWords plane) const;
+  // Whether an octagon about the projected, grown points meets the plane nowhere. `seen`: of the
+  // points, at z = 1.
+  bool IsClear(Octagon seen, DrawingScratch& scratch, MaskWords plane) const;
   // Whether the plane has no pixel in the wanted rows that edges between the projected points may
-  // touch. `pixels`: where these are.
-  bool IsClearOf(const Octagon& pixels, const Extremes& seen, const DrawingScratch& scratch,
+  // touch. `seen`: where these are at z = 1; `pixels`: in the image.
+  bool IsClearOf(const Octagon& pixels, const Octagon& seen, const DrawingScratch& scratch,
                  MaskWords plane) const;
   void BeginRows(DrawingScratch& scratch) const;
   void TraceOutline(DrawingScratch& scratch) const;

@@ -23,6 +23,37 @@ static inline double Most(const Four& v) {
   return std::max(std::max(v[0], v[1]), std::max(v[2], v[3]));
 }
 
+// An octagon that grows, four points at a time.
+struct GrowingOctagon {
+  Four low[4];
+  Four high[4];
+
+  [[gnu::always_inline]] inline GrowingOctagon() {
+    const Four infinity = Four{} + std::numeric_limits<double>::infinity();
+    for (Four& least : low) least = infinity;
+    for (Four& most : high) most = -infinity;
+  }
+
+  [[gnu::always_inline]] inline void Add(const Four& x, const Four& y) {
+    const Four along[4] = {x, y, x + y, x - y};
+#pragma GCC unroll 4
+    for (size_t i = 0; i < 4; ++i) {
+      low[i] = along[i] < low[i] ? along[i] : low[i];
+      high[i] = along[i] > high[i] ? along[i] : high[i];
+    }
+  }
+
+  [[gnu::always_inline]] inline Octagon All() const {
+    Octagon found;
+#pragma GCC unroll 4
+    for (size_t i = 0; i < 4; ++i) {
+      found.low[i] = Least(low[i]);
+      found.high[i] = Most(high[i]);
+    }
+    return found;
+  }
+};
+
 // Stores x and y of the first `lanes` in turn.
 static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double* to) {
   if (lanes == 4) {
@@ -40,14 +71,16 @@ static inline void StorePairs(const Four& x, const Four& y, size_t lanes, double
 
 // `turn`, row by row, and `move` take `from`, at least one point, into the camera's frame.
 // `projected`: of each point, at z = 1.
-SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const double* move,
-                                                       const double* from, size_t count,
-                                                       double* projected) {
+SILHOUETTE_WIDER_VECTORS static ProjectedExtent ProjectPoints(const double* turn,
+                                                              const double* move,
+                                                              const double* from, size_t count,
+                                                              double* projected) {
   const Four zero = {};
   const Four infinity = zero + std::numeric_limits<double>::infinity();
   Four sum = zero;
-  Four least[5] = {infinity, infinity, infinity, infinity, infinity};
-  Four most[5] = {-infinity, -infinity, -infinity, -infinity, -infinity};
+  Four nearest = infinity;
+  Four farthest = -infinity;
+  GrowingOctagon octagon;
   Four off_axis = zero;
   for (size_t begin = 0; begin < count; begin += 4) {
     const size_t lanes = std::min<size_t>(4, count - begin);
@@ -71,24 +104,16 @@ SILHOUETTE_WIDER_VECTORS static Extremes ProjectPoints(const double* turn, const
     const Four y = to[1] * inverse;
     const Four square = x * x + y * y;
     off_axis = off_axis > square ? off_axis : square;
-    const Four along[5] = {x, y, x + y, x - y, to[2]};
-#pragma GCC unroll 5
-    for (int i = 0; i < 5; ++i) {
-      least[i] = along[i] < least[i] ? along[i] : least[i];
-      most[i] = along[i] > most[i] ? along[i] : most[i];
-    }
+    nearest = to[2] < nearest ? to[2] : nearest;
+    farthest = to[2] > farthest ? to[2] : farthest;
+    octagon.Add(x, y);
     StorePairs(x, y, lanes, projected + 2 * begin);
   }
-  Extremes found{.sum = sum[0] + sum[1] + sum[2] + sum[3],
-                 .nearest = Least(least[4]),
-                 .farthest = Most(most[4]),
-                 .off_axis = Most(off_axis)};
-#pragma GCC unroll 4
-  for (size_t i = 0; i < 4; ++i) {
-    found.low[i] = Least(least[i]);
-    found.high[i] = Most(most[i]);
-  }
-  return found;
+  return {.sum = sum[0] + sum[1] + sum[2] + sum[3],
+          .nearest = Least(nearest),
+          .farthest = Most(farthest),
+          .off_axis = Most(off_axis),
+          .octagon = octagon.All()};
 }
 
 // Where the image shows points at z = 1, one after the other; `focal`, `centre`: along x and y.
@@ -96,9 +121,7 @@ SILHOUETTE_WIDER_VECTORS static Octagon PixelsOf(const double* lens, bool ration
                                                  const double* focal, const double* centre,
                                                  const double* projected, size_t count,
                                                  double* pixels) {
-  const Four infinity = Four{} + std::numeric_limits<double>::infinity();
-  Four least[4] = {infinity, infinity, infinity, infinity};
-  Four most[4] = {-infinity, -infinity, -infinity, -infinity};
+  GrowingOctagon octagon;
   for (size_t begin = 0; begin < count; begin += 4) {
     const size_t lanes = std::min<size_t>(4, count - begin);
     const double* const at = projected + 2 * begin;
@@ -121,26 +144,15 @@ SILHOUETTE_WIDER_VECTORS static Octagon PixelsOf(const double* lens, bool ration
     DistortLanes(lens, rational, u, v, bent_u, bent_v);
     const Four x = focal[0] * bent_u + centre[0];
     const Four y = focal[1] * bent_v + centre[1];
-    const Four along[4] = {x, y, x + y, x - y};
-#pragma GCC unroll 4
-    for (size_t i = 0; i < 4; ++i) {
-      least[i] = along[i] < least[i] ? along[i] : least[i];
-      most[i] = along[i] > most[i] ? along[i] : most[i];
-    }
+    octagon.Add(x, y);
     StorePairs(x, y, lanes, pixels + 2 * begin);
   }
-  Octagon found;
-#pragma GCC unroll 4
-  for (size_t i = 0; i < 4; ++i) {
-    found.low[i] = Least(least[i]);
-    found.high[i] = Most(most[i]);
-  }
-  return found;
+  return octagon.All();
 }
 
-Extremes Project(const Eigen::Isometry3d& camera_from_points,
-                 const Eigen::Ref<const Eigen::Matrix3Xd>& points,
-                 std::vector<Eigen::Vector2d>& projected) {
+ProjectedExtent Project(const Eigen::Isometry3d& camera_from_points,
+                        const Eigen::Ref<const Eigen::Matrix3Xd>& points,
+                        std::vector<Eigen::Vector2d>& projected) {
   double turn[9];
   double move[3];
   for (int row = 0; row < 3; ++row) {

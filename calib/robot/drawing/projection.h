@@ -18,19 +18,18 @@ struct Octagon {
 };
 
 // Where points are in the camera's frame, and at z = 1.
-struct Extremes {
+struct ProjectedExtent {
   double sum = 0;  // of all numbers' sizes: finite if all are, or too large for a body
   double nearest = 0;
   double farthest = 0;
-  double off_axis = 0;          // at z = 1, squared
-  std::array<double, 4> low{};  // of x, y, x + y, x - y at z = 1
-  std::array<double, 4> high{};
+  double off_axis = 0;  // at z = 1, squared
+  Octagon octagon;      // at z = 1
 };
 
 // `points`: at least one, as columns. `projected`: of each, at z = 1.
-Extremes Project(const Eigen::Isometry3d& camera_from_points,
-                 const Eigen::Ref<const Eigen::Matrix3Xd>& points,
-                 std::vector<Eigen::Vector2d>& projected);
+ProjectedExtent Project(const Eigen::Isometry3d& camera_from_points,
+                        const Eigen::Ref<const Eigen::Matrix3Xd>& points,
+                        std::vector<Eigen::Vector2d>& projected);
 
 // PixelAt of each point at z = 1, at least one; where they are.
 Octagon PixelsAt(const CameraIntrinsics& intrinsics, const std::vector<Eigen::Vector2d>& projected,

@@ -173,7 +173,8 @@ TEST(PlaneDistances, AreOfTheNearestSquareAndNeverMore) {
           nearest = std::min(nearest, std::hypot(std::max(std::abs(u - x) - 0.5, 0.0),
                                                  std::max(std::abs(v - y) - 0.5, 0.0)));
         }
-        const double got = distances.At(static_cast<size_t>(y * size.width + x));
+        const double got = distances.units()[static_cast<size_t>(y * size.width + x)] /
+                           double{PlaneDistances::kUnits};
         ASSERT_LE(got, nearest) << x << ' ' << y;
         ASSERT_GE(got, nearest - 1.0 / 32 - 1e-9) << x << ' ' << y;
       }

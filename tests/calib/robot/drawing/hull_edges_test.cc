@@ -144,6 +144,43 @@ TEST(HullEdges, BoxHasTwelveEdgesAndShowsFourOrSixOfThem) {
   EXPECT_EQ(shown({3, 4, 5}), 6);
 }
 
+TEST(HullEdges, BallOfThePointsDepthIsInTheHull) {
+  Random random;
+  int deep = 0;
+  for (int trial = 0; trial < SampleCount(400); ++trial) {
+    const Matrix3Xd points = RandomPoints(random);
+    const HullEdges edges(points);
+    // Between some of the points, or anywhere.
+    Vector3d at = 1.2 * RandomPlace(random);
+    if (trial % 4 != 0) {
+      Eigen::VectorXd shares(points.cols());
+      for (double& share : shares) share = std::pow(Uniform(random, 0, 1), trial % 4);
+      at = points * shares / shares.sum();
+    }
+    const double depth = edges.DepthOf(at);
+    ASSERT_GE(depth, 0);
+    if (depth == 0) continue;
+    ++deep;
+    for (int i = 0; i < 500; ++i) {
+      const Vector3d along = RandomPlace(random).normalized();
+      ASSERT_LE(along.dot(at) + depth, (along.transpose() * points).maxCoeff())
+          << "trial " << trial;
+    }
+  }
+  EXPECT_GT(deep, SampleCount(100));
+}
+
+TEST(HullEdges, DepthInABoxIsThatToTheNearestFace) {
+  Matrix3Xd box(3, 8);
+  for (int i = 0; i < 8; ++i) box.col(i) = Vector3d(i % 2, i / 2 % 2, i / 4);
+  const HullEdges edges(box);
+  EXPECT_NEAR(edges.DepthOf({0.5, 0.5, 0.5}), 0.5, 2e-6);
+  EXPECT_NEAR(edges.DepthOf({0.5, 0.1, 0.7}), 0.1, 2e-6);
+  EXPECT_EQ(edges.DepthOf({0.5, -0.1, 0.7}), 0);
+  EXPECT_EQ(HullEdges(box.leftCols(4)).DepthOf({0.5, 0.5, 0}), 0);  // a plate
+  EXPECT_EQ(HullEdges(box.leftCols(1)).DepthOf({0, 0, 0}), 0);
+}
+
 TEST(HullEdges, NothingIsKnownOfAPointOrOfTooManyPoints) {
   EXPECT_TRUE(HullEdges(Matrix3Xd::Zero(3, 1)).empty());
   EXPECT_TRUE(HullEdges(Matrix3Xd::Random(3, HullEdges::kMostPoints + 1)).empty());

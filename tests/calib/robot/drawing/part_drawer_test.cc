@@ -282,11 +282,9 @@ TEST(PartDrawer, BodyMeetsEveryPixelOfItsRimAndNoneBesideIt) {
           at_rim = at_rim || mask.at(u, v) != set;
         }
         if (!at_rim) continue;
-        const Mask pixel =
-            Mask::FromPredicate(mask.size(), [&](int u, int v) { return u == x && v == y; });
-        const std::pair rows = x % 2 == 0 ? std::pair(y, y) : std::pair(0, mask.height() - 1);
-        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), edges, growth, scratch, pixel.words(), rows),
-                  set)
+        const DrawnPlane pixel(
+            Mask::FromPredicate(mask.size(), [&](int u, int v) { return u == x && v == y; }));
+        ASSERT_EQ(drawer.Meets(pose, PointsOf(mesh), edges, growth, scratch, pixel), set)
             << "trial " << trial << ", pixel " << x << ' ' << y;
         ++(set ? rim : beside);
       }
