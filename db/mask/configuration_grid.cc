@@ -192,10 +192,10 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
     place -= std::floor(place / joint.steps) * joint.steps;
     if (place > joint.steps - kSnap) place = 0;
   }
-  const double nearest = std::round(place);
-  if (std::abs(place - nearest) <= kSnap) place = nearest;
   const double last = joint.continuous ? joint.steps : joint.steps - 1;
-  if (!(place >= 0 && place <= last)) return std::nullopt;  // NaN: too many turns away
+  if (!(place >= -kSnap && place <= last + kSnap)) return std::nullopt;  // NaN: too many turns away
+  const double nearest = static_cast<int>(place + 0.5);
+  if (std::abs(place - nearest) <= kSnap) return nearest;
   return place;
 }
 

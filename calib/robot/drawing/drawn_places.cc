@@ -25,11 +25,15 @@ void RequireDrawnPlaces(const KinematicChain& chain, const ConfigurationGrid& gr
 DrawnPlace DrawnPlaceBetween(const KinematicChain& chain, const ConfigurationGrid& grid,
                              const JointRegions& forbidden, std::span<const double> from,
                              std::span<const double> to) {
-  if (!chain.Contains(from) || !chain.Contains(to)) return DrawnPlace::kOutside;
-  for (int j = 0; j < grid.dimensions(); ++j) {
-    const auto at = static_cast<size_t>(j);
-    if (!grid.Place(j, from[at]) || !grid.Place(j, to[at])) return DrawnPlace::kOutside;
-  }
+  const auto is_inside = [&](std::span<const double> q) {
+    if (!chain.Contains(q)) return false;
+    for (int j = 0; j < grid.dimensions(); ++j) {
+      if (!grid.Place(j, q[static_cast<size_t>(j)])) return false;
+    }
+    return true;
+  };
+  const bool one = from.data() == to.data() && from.size() == to.size();
+  if (!is_inside(from) || (!one && !is_inside(to))) return DrawnPlace::kOutside;
   return forbidden.Between(from, to) ? DrawnPlace::kForbidden : DrawnPlace::kOpen;
 }
 
