@@ -3,10 +3,11 @@
 // the standard library and Eigen alone.
 //
 // A view shows one exactly if DrawnRobot::AddTouched sets a pixel that its plane has. Parts are
-// first looked up as balls in the distances of the plane, a vector of them as one; only those that
-// may meet it are drawn, where an octagon about them meets it, in the rows that the plane has. A
-// part that is grown by more than half of a ball about it is not drawn but taken for its balls,
-// which are larger: no view is missed, some may be added. A checker takes 2 1/8 bytes a pixel.
+// first looked up as balls in the distances of the plane, a vector of them as one. If a ball within
+// a part reaches a pixel, the view shows one. Else only parts that may meet the plane are drawn,
+// where an octagon about them meets it, in the rows that the plane has. A part that is grown by
+// more than half of a ball about it is not drawn but taken for its balls, which are larger: no view
+// is missed, some may be added. A checker takes 2 1/8 bytes a pixel.
 #pragma once
 
 #include <Eigen/Geometry>
