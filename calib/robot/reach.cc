@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/robot/convex_hull.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -280,6 +281,138 @@ absl::StatusOr<std::vector<double>> MeanSweeps(const RobotModel& robot,
   }
   for (double& sweep : sweeps) sweep /= kConfigurations;
   return sweeps;
+}
+
+namespace {
+
+// Of one link: balls whose convex hull holds it, without those inside.
+std::vector<Ball> OuterBalls(const RobotLink& link, BodyGeometry kind) {
+  std::vector<Ball> balls;
+  for (const LinkGeometry& geometry : link.body(kind)) {
+    std::vector<Ball> of_shape = std::visit(BallsOfShape(), geometry.shape);
+    std::vector<Eigen::Vector3d> points;
+    for (const Ball& ball : of_shape) points.push_back(ball.point);
+    if (const std::optional<ConvexBody> hull = HullOf(points)) {
+      of_shape.clear();
+      for (const Eigen::Vector3d& vertex : hull->vertices) of_shape.push_back({vertex, 0});
+    }
+    for (const Ball& ball : of_shape) {
+      balls.push_back({geometry.link_from_shape * ball.point, ball.radius});
+    }
+  }
+  return balls;
+}
+
+// Searches for the configuration where a link is farthest beyond a face.
+class BeyondFinder {
+ public:
+  BeyondFinder(const RobotModel& robot, BodyGeometry geometry, KinematicChain chain,
+               std::span<const GridJoint> moving, const JointRegions& forbidden,
+               const Eigen::AlignedBox3d& box)
+      : chain_(std::move(chain)), moving_(moving), forbidden_(forbidden), box_(box) {
+    for (size_t link = 0; link < robot.links().size(); ++link) {
+      bool moves = false;
+      for (size_t joint = 0; joint < moving.size(); ++joint) {
+        moves = moves || chain_.LeverOf(joint, link, 1) > 0;
+      }
+      balls_.push_back(moves ? OuterBalls(robot.links()[link], geometry) : std::vector<Ball>());
+    }
+  }
+
+  std::optional<LinkBeyond> Find() {
+    std::vector<LinkBeyond> farthest = FarthestOfSample();
+    std::optional<LinkBeyond> found;
+    for (LinkBeyond& at : farthest) {
+      if (at.q.empty()) continue;
+      Climb(at);
+      if (at.by > 0 && (!found || at.by > found->by)) found = std::move(at);
+    }
+    return found;
+  }
+
+ private:
+  static constexpr int kFaces = 6;
+
+  double Value(size_t joint, int i, int count) const {
+    const GridJoint& of = moving_[joint];
+    return of.lower + (of.upper - of.lower) * i / (count - 1);
+  }
+
+  // For the chain's poses in poses_.
+  double Beyond(size_t link, int face) const {
+    const int axis = face % 3;
+    const double sign = face < 3 ? -1 : 1;
+    const Eigen::RowVector3d row = sign * poses_[link].linear().row(axis);
+    double most = std::numeric_limits<double>::lowest();
+    for (const Ball& ball : balls_[link]) most = std::max(most, row.dot(ball.point) + ball.radius);
+    return most + sign * poses_[link].translation()[axis] -
+           (face < 3 ? -box_.min()[axis] : box_.max()[axis]);
+  }
+
+  // The farthest of each link and face.
+  std::vector<LinkBeyond> FarthestOfSample() {
+    constexpr double kConfigurations = 5000;
+    const size_t joints = moving_.size();
+    const int count = std::max(2, static_cast<int>(std::pow(kConfigurations, 1.0 / joints)));
+    std::vector<LinkBeyond> farthest(balls_.size() * kFaces);
+    std::vector<int> at(joints, 0);
+    std::vector<double> q(joints);
+    for (size_t joint = 0; joint < joints;) {
+      for (size_t j = 0; j < joints; ++j) q[j] = Value(j, at[j], count);
+      if (!forbidden_.Between(q, q)) {
+        chain_.Pose(q, poses_);
+        for (size_t i = 0; i < farthest.size(); ++i) {
+          const size_t link = i / kFaces;
+          const int face = static_cast<int>(i % kFaces);
+          if (balls_[link].empty()) continue;
+          const double by = Beyond(link, face);
+          if (farthest[i].q.empty() || by > farthest[i].by) farthest[i] = {link, face, by, q};
+        }
+      }
+      for (joint = 0; joint < joints && ++at[joint] == count; ++joint) at[joint] = 0;
+    }
+    return farthest;
+  }
+
+  // One joint after the other to where the link is farthest beyond the face.
+  void Climb(LinkBeyond& from) {
+    constexpr int kValues = 65;
+    for (bool farther = true; farther;) {
+      const double before = from.by;
+      for (size_t joint = 0; joint < moving_.size(); ++joint) {
+        std::vector<double> q = from.q;
+        for (int i = 0; i < kValues; ++i) {
+          q[joint] = Value(joint, i, kValues);
+          if (forbidden_.Between(q, q)) continue;
+          chain_.Pose(q, poses_);
+          const double by = Beyond(from.link, from.face);
+          if (by > from.by) from = {from.link, from.face, by, q};
+        }
+      }
+      farther = from.by > before + 1e-4;
+    }
+  }
+
+  const KinematicChain chain_;
+  const std::span<const GridJoint> moving_;
+  const JointRegions& forbidden_;
+  const Eigen::AlignedBox3d box_;
+  std::vector<std::vector<Ball>> balls_;  // by link; none: no joint moves it, or it has no geometry
+  std::vector<Eigen::Isometry3d> poses_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(const RobotModel& robot,
+                                                         BodyGeometry geometry,
+                                                         std::span<const GridJoint> moving,
+                                                         std::span<const FixedJoint> fixed,
+                                                         const JointRegions& forbidden,
+                                                         const Eigen::AlignedBox3d& box) {
+  std::vector<std::string> names;
+  for (const GridJoint& joint : moving) names.push_back(joint.name);
+  ASSIGN_OR_RETURN(KinematicChain chain, robot.ChainOf(names, fixed));
+  return BeyondFinder(robot, geometry, std::move(chain), moving, forbidden, box).Find();
 }
 
 }  // namespace silhouette

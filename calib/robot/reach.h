@@ -3,12 +3,15 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/robot/robot_model.h"
+#include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 
 namespace silhouette {
 
@@ -37,6 +40,25 @@ absl::StatusOr<Eigen::AlignedBox3d> ReachBox(const RobotModel& robot,
                                              std::span<const std::string> moving,
                                              std::span<const FixedJoint> fixed,
                                              double payload_radius);
+
+// A link beyond a face of a box.
+struct LinkBeyond {
+  size_t link = 0;
+  int face = 0;           // the lower ones across x, y and z, then the upper ones
+  double by = 0;          // metres
+  std::vector<double> q;  // where
+};
+
+// How a link leaves `box`, in the base's frame, farthest, while the joints `moving` take any values
+// of their ranges that are not `forbidden`; nothing if none does. Links that none of them moves may
+// be anywhere; tool and payload are not looked at. It is searched from configurations all over the
+// ranges: a link may leave it a little farther, never less. InvalidArgument: as Reach().
+absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(const RobotModel& robot,
+                                                         BodyGeometry geometry,
+                                                         std::span<const GridJoint> moving,
+                                                         std::span<const FixedJoint> fixed,
+                                                         const JointRegions& forbidden,
+                                                         const Eigen::AlignedBox3d& box);
 
 // How much of space the robot's surface sweeps in a step of each of the joints `moving`: surface
 // times way, in cubic metres, the mean over their ranges. By a sample of the surface. `steps`: one

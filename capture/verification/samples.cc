@@ -110,14 +110,10 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
   return samples;
 }
 
-namespace {
-
 std::string FaceName(int face) {
   return absl::StrCat("the ", face < 3 ? "lower" : "upper", " face of 'workspace' across ",
                       std::string(1, "xyz"[face % 3]));
 }
-
-}  // namespace
 
 std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::string> link_names) {
   std::string pairs;

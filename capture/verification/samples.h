@@ -27,6 +27,9 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
                                                    size_t count, double fixed_joint_tolerance,
                                                    uint64_t seed);
 
+// "the lower face of 'workspace' across x"; `face` as NarrowGap has it.
+std::string FaceName(int face);
+
 // One sentence that names what ModelSampler::AlwaysNarrow has, and the mend; empty: it has nothing.
 std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::string> link_names);
 

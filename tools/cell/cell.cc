@@ -13,6 +13,7 @@
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "capture/session/travel.h"
+#include "capture/verification/samples.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
@@ -139,8 +140,38 @@ absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& databa
   }
 }
 
+absl::Status WorkspaceHoldsRobot(const Cell& cell) {
+  constexpr double kMostBeyond = 0.001;  // metres; models are no more exact
+  if (!cell.workspace || cell.robot.model == nullptr) return absl::OkStatus();
+  try {
+    const ForbiddenRegions forbidden(cell.capture.forbidden_regions, cell.grid);
+    ASSIGN_OR_RETURN(
+        const std::optional<LinkBeyond> beyond,
+        FarthestBeyond(*cell.robot.model, cell.sound ? cell.sound->geometry : BodyGeometry::kVisual,
+                       cell.grid.joints(), cell.fixed_joints, forbidden.regions(),
+                       *cell.workspace));
+    if (!beyond || beyond->by <= kMostBeyond) return absl::OkStatus();
+    std::string where;
+    for (size_t joint = 0; joint < beyond->q.size(); ++joint) {
+      absl::StrAppendFormat(&where, "%s%s = %.2f", joint == 0 ? "" : ", ",
+                            cell.grid.joints()[joint].name, beyond->q[joint]);
+    }
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: '%s' is %.3f m beyond %s at %s, where obstacles would not be found: enlarge "
+        "'workspace', in metres, so that it holds the whole robot, or leave it out; joint values "
+        "that the robot never takes belong into 'capture: forbidden_regions'",
+        cell.file, cell.robot.model->links()[beyond->link].name, beyond->by, FaceName(beyond->face),
+        where));
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(cell.file + ": " + error.what());
+  }
+}
+
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
-  if (cell.workspace) return *cell.workspace;
+  if (cell.workspace) {
+    if (!cell.robot.drawn) RETURN_IF_ERROR(WorkspaceHoldsRobot(cell));
+    return *cell.workspace;
+  }
   if (cell.robot.model == nullptr) {
     return absl::InvalidArgumentError(
         cell.file + ": the robot's space is not known; say 'workspace', or the robot's 'urdf'");

@@ -114,8 +114,14 @@ struct Cell {
 // not empty. If it is there already, and of such a grid, the grid's tiles are those that it has.
 absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& database = "");
 
+// InvalidArgument, in one sentence with the mend: at some joint values of the cell, outside its
+// forbidden regions, a link that they move is beyond the workspace that the file states. Without
+// workspace or model there is nothing to compare. Takes a second at most.
+absl::Status WorkspaceHoldsRobot(const Cell& cell);
+
 // The box that the robot never leaves: the workspace that the file states, else the reach of its
-// model. InvalidArgument: there is neither.
+// model. InvalidArgument: there is neither, or, where robot images are captured, as
+// WorkspaceHoldsRobot. A drawn robot's joint limits may be wider than where it goes.
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
 // What the sound presets are served with; nothing if the file does not say. Errors: as those of

@@ -193,6 +193,15 @@ Findings OfDrawnImages(const Cell& cell) {
   return findings;
 }
 
+// Of a robot whose images are captured; OfDrawnImages has the others.
+Findings OfWorkspace(const Cell& cell) {
+  if (!cell.workspace || cell.robot.drawn) return {};
+  const absl::Status holds = WorkspaceHoldsRobot(cell);
+  if (!holds.ok()) return {{"workspace", false, std::string(holds.message())}};
+  if (cell.robot.model == nullptr) return {};
+  return {{"workspace", true, "holds the robot at all joint values of the grid"}};
+}
+
 // The database, and what is still to be captured into it.
 Findings OfCapture(const CellArguments& arguments, const CellFile& file, const Travel& travel) {
   const auto database = OpenDatabase(file, Database::Access::kRead);
@@ -234,6 +243,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   };
   add(OfLimits(file.cell));
   add(OfDrawnImages(file.cell));
+  add(OfWorkspace(file.cell));
   const auto devices = OpenDevices(file.cell, travel, file.variant);
   if (devices.ok()) {
     add(OfRobot(file.cell, *devices->robot));

@@ -290,6 +290,11 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
         "'grid: max_move' or add steps, and capture again",
         cell.grid_move, least);
   }
+  if (cell.robot.drawn) {
+    if (const absl::Status holds = WorkspaceHoldsRobot(cell); !holds.ok()) {
+      spdlog::warn("{}", std::string(holds.message()));
+    }
+  }
   for (int view = 0; view < database.views(); ++view) {
     if (database.treatment(view).margin == 0) continue;
     spdlog::warn(

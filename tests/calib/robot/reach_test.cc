@@ -57,6 +57,58 @@ TEST(Reach, PayloadReachesBeyondTheLastLink) {
   EXPECT_NEAR(Reach(robot, "bend", moving, fixed, 0.1).value(), 0.4 + 0.05 + 0.1, 1e-9);
 }
 
+const Eigen::AlignedBox3d kRoom(Eigen::Vector3d(-2, -2, -1), Eigen::Vector3d(2, 2, 3));
+
+std::optional<LinkBeyond> BeyondOf(const Eigen::AlignedBox3d& box, const JointRegions& forbidden) {
+  const std::vector<GridJoint> moving{{.name = "turn", .lower = -2, .upper = 2},
+                                      {.name = "bend", .lower = -1.5, .upper = 0},
+                                      {.name = "slide", .lower = 0, .upper = 0.3}};
+  return FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, {}, forbidden, box).value();
+}
+
+TEST(FarthestBeyond, NothingIsBeyondABoxThatHoldsTheRobot) {
+  EXPECT_FALSE(BeyondOf(kRoom, {}).has_value());
+}
+
+TEST(FarthestBeyond, TheLinkTheFaceAndHowFarAreThoseOfTheFarthestConfiguration) {
+  Eigen::AlignedBox3d low = kRoom;
+  low.max().z() = 1.5;
+  const auto over = BeyondOf(low, {});
+  ASSERT_TRUE(over.has_value());
+  EXPECT_EQ(over->link, 3u);
+  EXPECT_EQ(over->face, 5);
+  // Bent up and slid out: the ball's top is 0.7 and its radius above the joint at 1 m.
+  EXPECT_NEAR(over->by, 0.7 * std::sin(1.5) + 0.05 - 0.5, 1e-9);
+  EXPECT_NEAR(over->q[1], -1.5, 1e-9);
+  EXPECT_NEAR(over->q[2], 0.3, 1e-9);
+
+  Eigen::AlignedBox3d narrow = kRoom;
+  narrow.min().y() = -1;
+  const auto beside = BeyondOf(narrow, {});
+  ASSERT_TRUE(beside.has_value());
+  EXPECT_EQ(beside->face, 1);
+  EXPECT_NEAR(beside->by, 0.5 + 0.7 + 0.05 - 1, 0.001) << "between the configurations of a grid";
+}
+
+TEST(FarthestBeyond, ForbiddenJointValuesDoNotCount) {
+  Eigen::AlignedBox3d low = kRoom;
+  low.max().z() = 1.7;
+  EXPECT_TRUE(BeyondOf(low, {}).has_value());
+  EXPECT_FALSE(BeyondOf(low, JointRegions({{{.joint = 1, .lower = -1.5, .upper = -0.9}},
+                                           {{.joint = 2, .lower = 0.2, .upper = 0.3}}}))
+                   .has_value());
+}
+
+TEST(FarthestBeyond, WhatNoJointMovesMayBeAnywhere) {
+  // All but the ball stands still, half outside.
+  const std::vector<GridJoint> moving{{.name = "slide", .lower = 0, .upper = 0.3}};
+  const std::vector<FixedJoint> fixed{{"turn", 0}, {"bend", 0}};
+  const Eigen::AlignedBox3d box(Eigen::Vector3d(0.8, -1, 0), Eigen::Vector3d(2, 1, 2));
+  EXPECT_FALSE(FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, fixed, {}, box)
+                   .value()
+                   .has_value());
+}
+
 TEST(MeanSweeps, AreSurfaceTimesWay) {
   const RobotModel robot = ThreeJoints();
   const std::vector<std::string> moving{"turn", "bend", "slide"};

@@ -19,6 +19,7 @@
 namespace silhouette {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
@@ -530,6 +531,44 @@ TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
               HasSubstr("must not exceed least_obstacle"));
   EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, model_tolerance: -1}\n"),
               HasSubstr("not below 0"));
+}
+
+// The simulated arm of which two joints move, about z and at the elbow.
+std::string TwoJoints(const std::string& in_robot, const std::string& grid,
+                      const std::string& rest) {
+  return "name: x\nrobot:\n  urdf: " + SourceFolder() +
+         "/capture/sim/robots/rx130.urdf\n  joints: [{name: joint_1}, {name: joint_3}]\n"
+         "  fixed: {joint_2: 0, joint_4: 0, joint_5: 0, joint_6: 0}\n" +
+         in_robot + "grid: {" + grid + "}\nviews: [{name: top}]\n" + rest;
+}
+
+TEST(Cell, WorkspaceThatTheRobotLeavesAtAnyJointValuesIsRefused) {
+  const auto status = [](const std::string& upper, const std::string& more = "",
+                         const std::string& lower = "-1.8, -1.8, 0") {
+    const auto cell =
+        Load(TwoJoints("", "max_move: 0.3",
+                       "workspace: {lower: [" + lower + "], upper: [" + upper + "]}\n" + more));
+    EXPECT_TRUE(cell.ok()) << cell.status();
+    const absl::Status holds = WorkspaceHoldsRobot(*cell);
+    EXPECT_EQ(WorkspaceOf(*cell).status(), holds);
+    return holds;
+  };
+  EXPECT_TRUE(status("1.8, 1.8, 2.4").ok());
+  EXPECT_TRUE(status("1.8, 1.8, 2.4", "", "-1.8, -1.8, 0.2").ok()) << "its foot may be below";
+  const absl::Status low = status("1.8, 1.8, 1");
+  EXPECT_EQ(low.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(low.message()),
+              AllOf(HasSubstr("m beyond the upper face of 'workspace' across z at joint_1 = "),
+                    HasSubstr("enlarge 'workspace', in metres")));
+  EXPECT_THAT(std::string(status("1.8, 1.8, 2.4", "", "0, 0, 0").message()),
+              HasSubstr("beyond the lower face of 'workspace' across"));
+  // To one side only, where it must not go.
+  const std::string forbidden =
+      "capture: {forbidden_regions: [{name: left, joints: {joint_1: [0.1, 3]}}, "
+      "{name: right, joints: {joint_1: [-3, -0.1]}}]}\n";
+  const std::string side = "1.8, 0.7, 2.4";
+  EXPECT_THAT(std::string(status(side).message()), HasSubstr("upper face of 'workspace' across y"));
+  EXPECT_TRUE(status(side, forbidden).ok()) << status(side, forbidden);
 }
 
 TEST(Cell, RobotImagesAreCapturedUnlessTheFileHasThemDrawn) {

@@ -161,6 +161,22 @@ TEST_F(NewCell, CheckNamesLimitsInDegreesAndALinkBeyondTheWorkspace) {
                     HasSubstr("correct 'workspace' in the cell file")));
 }
 
+TEST_F(NewCell, CheckNamesAWorkspaceThatACapturedRobotLeaves) {
+  ASSERT_EQ(InitSimulated().exit_code, 0);
+  const std::string text = ReadText(cell_.cell());
+  const auto check = [&](const std::string& more) {
+    WriteText(cell_.cell(), text + more);
+    return cell_.Run(cell_.Arguments("check"));
+  };
+  Outcome checked = check("workspace: {lower: [-0.5, -0.5, 0], upper: [0.5, 0.5, 0.5]}\n");
+  EXPECT_EQ(checked.exit_code, 1);
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  workspace: "),
+                                 HasSubstr("m beyond the upper face of 'workspace' across z")));
+  checked = check("workspace: {lower: [-2, -2, -2], upper: [2, 2, 3]}\n");
+  EXPECT_EQ(checked.exit_code, 0) << checked.out;
+  EXPECT_THAT(checked.out, HasSubstr("ok     workspace: holds the robot"));
+}
+
 TEST_F(NewCell, AFileThatIsThereIsKept) {
   WriteText(cell_.cell(), "mine");
   EXPECT_EQ(InitSimulated().exit_code, 2);

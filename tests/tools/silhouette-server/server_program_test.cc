@@ -230,6 +230,20 @@ TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets)
                                           "may be inside, so that the sound presets may block"));
 }
 
+TEST_F(ServerProgramTest, WorkspaceThatTheRobotLeavesRefusesToStart) {
+  const std::string box = "workspace: {lower: [-6, -6, -6], upper: [2, 6, 6]}\n";
+  GiveModelAndCameras("", "");
+  std::ifstream file(cell);
+  const std::string text((std::istreambuf_iterator<char>(file)), {});
+  for (const char* use : {"sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n", "margin: 5 cm\n"}) {
+    WriteFile(cell, text + use + box);
+    EXPECT_EQ(Refused({"--cell", cell, "--database", database}), 2);
+    EXPECT_THAT(errors, AllOf(HasSubstr(cell), HasSubstr("'lid' is 3.5"),
+                              HasSubstr("m beyond the upper face of 'workspace' across x at a = 4"),
+                              HasSubstr("enlarge 'workspace'")));
+  }
+}
+
 TEST_F(ServerProgramTest, DrawnImagesOfAModelThatIsNotVerifiedAreServedOnlyOnDemand) {
   GiveModelAndCameras("  images: drawn\n", "");
   std::vector<std::string> arguments{"--cell", cell,       "--database",
