@@ -148,6 +148,25 @@ double YamlNode::AsLength() const {
                 "a length is expected: metres, or e.g. '5 mm'");
 }
 
+double YamlNode::AsLengthUpTo(double most, const std::string& why) const {
+  const double length = AsLength();
+  if (length <= most) return length;
+  const auto number = [](double value) {
+    std::ostringstream text;
+    text << value;
+    return text.str();
+  };
+  Fail("that is " + number(length) + " m; at most " + number(most) + " m is expected: " + why +
+       "; without a unit it is metres, write others as '" + number(length) + " cm' or '" +
+       number(length) + " mm'");
+}
+
+double YamlNode::AsPositiveLengthUpTo(double most, const std::string& why) const {
+  const double length = AsLengthUpTo(most, why);
+  if (!(length > 0)) Fail("a length greater than 0 is expected");
+  return length;
+}
+
 double YamlNode::AsSeconds() const {
   return InUnit({{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}}, 0,
                 "a time is expected: seconds, or e.g. '250 ms'");

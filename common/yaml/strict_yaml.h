@@ -58,6 +58,11 @@ class YamlNode {
 
   // A length in metres, or "5 mm"; not negative.
   double AsLength() const;
+  // The same, at most `most` metres; `why` no more, for the message. More is likely to be in
+  // millimetres or centimetres.
+  double AsLengthUpTo(double most, const std::string& why) const;
+  // The same, greater than 0.
+  double AsPositiveLengthUpTo(double most, const std::string& why) const;
 
   // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
   double AsSeconds() const;

@@ -34,6 +34,10 @@
 
 namespace silhouette {
 
+// Metres by which a point of the robot moves at most from one grid value to the next. People are
+// 0.3 to 0.5 m thick.
+inline constexpr double kMostMove = 0.5;
+
 struct RobotSettings {
   std::shared_ptr<const RobotModel> model;  // null: bare joints
   RobotDriver driver;

@@ -150,7 +150,9 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
       package_paths.push_back(ResolvePath(folder, path));
     }
   }
-  map.Read("payload_radius", robot.settings.payload_radius, &YamlNode::AsNotNegative);
+  map.Read("payload_radius", robot.settings.payload_radius, [](const YamlNode& radius) {
+    return radius.AsLengthUpTo(3, "no tool or part reaches farther");
+  });
   const auto images = map.Optional("images");
   if (images) ReadImages(*images, robot.settings);
   const YamlNode joints = map.Required("joints");
@@ -299,8 +301,11 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
     const int arm_joints = robot.settings.arm_joints;
     const size_t with_steps = arm_joints > 0 ? static_cast<size_t>(arm_joints) : joints.size();
     if (max_move) {
-      const double delta =
-          DeltaPerJoint(max_move->As<double>(), static_cast<int>(with_steps), ReadRule(rule));
+      const double delta = DeltaPerJoint(
+          max_move->AsPositiveLengthUpTo(kMostMove,
+                                         "people are 0.3 to 0.5 m thick, and between grid values "
+                                         "that are farther apart they are in no robot image"),
+          static_cast<int>(with_steps), ReadRule(rule));
       for (size_t j = 0; j < with_steps; ++j) {
         joints[j] = TurnsAll(*robot.settings.model, joints[j].name)
                         ? MaxMoveJoint(joints[j], reaches[j], delta)

@@ -24,6 +24,28 @@ double JointTolerance(const YamlNode& node) {
   return tolerance;
 }
 
+// Greater obstacles than this radius are not people.
+double LeastObstacle(const YamlNode& node) {
+  return node.AsPositiveLengthUpTo(
+      1, "people are 0.3 to 0.5 m thick, and what is smaller than stated is not found");
+}
+
+double VoxelEdge(const YamlNode& node) {
+  return node.AsPositiveLengthUpTo(1, "voxels are smaller than people");
+}
+
+// Of a view's pixels. The robot covers hardly more of a view: with more, nothing would be noticed.
+double CoreError(const YamlNode& node) {
+  constexpr double kMost = 0.05;
+  const double share = node.AsShare();
+  if (share > kMost) {
+    node.Fail(
+        "at most 0.05 is expected, a share of all of the view's pixels: with more, a robot "
+        "that is not where it reports would not be noticed");
+  }
+  return share;
+}
+
 // With less, a pass over the index of a large cell takes longer than a shift.
 constexpr uint64_t kLeastIndexCheckRate = 1'000'000;
 
@@ -291,16 +313,18 @@ BodyGeometry ReadGeometry(const YamlNode& node) {
 SoundSettings ReadSound(const YamlNode& node) {
   YamlMap map(node);
   SoundSettings settings;
-  settings.least_obstacle = map.Required("least_obstacle").AsPositive();
+  settings.least_obstacle = LeastObstacle(map.Required("least_obstacle"));
   if (const auto edge = map.Optional("voxel_edge")) {
-    settings.voxel_edge = edge->AsPositive();
+    settings.voxel_edge = VoxelEdge(*edge);
     if (*settings.voxel_edge > settings.least_obstacle) {
       edge->Fail(
           "it must not exceed least_obstacle, or obstacles cannot be distinguished from the robot");
     }
   }
   map.Read("geometry", settings.geometry, ReadGeometry);
-  map.Read("model_tolerance", settings.model_tolerance, &YamlNode::AsNotNegative);
+  map.Read("model_tolerance", settings.model_tolerance, [](const YamlNode& tolerance) {
+    return tolerance.AsLengthUpTo(0.5, "no obstacle is expected so near to the model");
+  });
   settings.whole_model = map.Get<bool>("whole_model", settings.whole_model);
   map.Finish();
   return settings;
@@ -320,7 +344,7 @@ SeparationCell ReadSeparation(const YamlNode& node) {
     settings.levels.push_back(ReadSpeedLevel(level));
   }
   if (const auto zone = map.Optional("zone")) cell.zone = ReadWorkspace(*zone);
-  if (const auto edge = map.Optional("voxel_edge")) cell.voxel_edge = edge->AsPositive();
+  map.Read("voxel_edge", cell.voxel_edge, VoxelEdge);
   map.Read("unseen", cell.unseen_is_empty, [](const YamlNode& unseen) {
     return unseen.AsWordOf({"possible", "empty"}) == 1;
   });
@@ -381,7 +405,7 @@ ServerSettings ReadServer(const YamlNode& node, const std::filesystem::path& fol
       map.Get<bool>("accept_arrival_times", server.scene.accept_arrival_times);
   map.Read("max_skew", server.scene.max_skew, &YamlNode::AsTime);
   map.Read("map_time", server.map_time, &YamlNode::AsTime);
-  map.Read("max_core_error", server.scene.max_core_error, &YamlNode::AsShare);
+  map.Read("max_core_error", server.scene.max_core_error, CoreError);
   if (const auto check = map.Optional("view_check")) {
     server.scene.view_check = ReadViewCheck(*check, server.scene.view_check);
   }

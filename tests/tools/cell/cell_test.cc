@@ -530,7 +530,7 @@ TEST(Cell, SoundIsReadAndNeedsTheRobotsModel) {
   EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, voxel_edge: 0.04}\n"),
               HasSubstr("must not exceed least_obstacle"));
   EXPECT_THAT(MessageOf(cell_with + "sound: {least_obstacle: 0.03, model_tolerance: -1}\n"),
-              HasSubstr("not below 0"));
+              HasSubstr("a length is expected"));
 }
 
 // The simulated arm of which two joints move, about z and at the elbow.
@@ -540,6 +540,37 @@ std::string TwoJoints(const std::string& in_robot, const std::string& grid,
          "/capture/sim/robots/rx130.urdf\n  joints: [{name: joint_1}, {name: joint_3}]\n"
          "  fixed: {joint_2: 0, joint_4: 0, joint_5: 0, joint_6: 0}\n" +
          in_robot + "grid: {" + grid + "}\nviews: [{name: top}]\n" + rest;
+}
+
+TEST(Cell, LengthsInMillimetresOrCentimetresWithoutTheirUnitAreRefused) {
+  const std::string metres = "without a unit it is metres";
+  const auto grid = [](const std::string& max_move) {
+    return TwoJoints("", "max_move: " + max_move, "");
+  };
+  EXPECT_THAT(MessageOf(grid("350")),
+              AllOf(HasSubstr("grid.max_move: that is 350 m; at most 0.5 m"), HasSubstr(metres)));
+  EXPECT_THAT(MessageOf(grid("0")), HasSubstr("greater than 0"));
+  EXPECT_TRUE(Load(grid("0.5")).ok());
+  EXPECT_EQ(Load(grid("350 mm"))->grid.size(), Load(grid("0.35"))->grid.size());
+
+  const auto sound = [](const std::string& keys) {
+    return TwoJoints("", "max_move: 0.3", "sound: {" + keys + "}\n");
+  };
+  for (const char* least : {"15", "150", "1.01", "2 m"}) {
+    EXPECT_THAT(MessageOf(sound(std::string("least_obstacle: ") + least)),
+                AllOf(HasSubstr("sound.least_obstacle: that is"), HasSubstr(metres)));
+  }
+  EXPECT_EQ(Load(sound("least_obstacle: 15 cm, voxel_edge: 20 mm"))->sound->least_obstacle, 0.15);
+  EXPECT_THAT(MessageOf(sound("least_obstacle: 0.15, voxel_edge: 2")), HasSubstr(metres));
+  EXPECT_THAT(MessageOf(sound("least_obstacle: 0.15, model_tolerance: 5")), HasSubstr(metres));
+  EXPECT_THAT(MessageOf(TwoJoints("  payload_radius: 100\n", "max_move: 0.3", "")),
+              AllOf(HasSubstr("payload_radius: that is 100 m; at most 3 m"), HasSubstr(metres)));
+}
+
+TEST(Cell, ARobotThatIsNotWhereItReportsCannotBeLetPassByCoreError) {
+  EXPECT_THAT(MessageOf(std::string(kBareCell) + "server: {max_core_error: 0.9}\n"),
+              HasSubstr("server.max_core_error: at most 0.05"));
+  EXPECT_TRUE(Load(std::string(kBareCell) + "server: {max_core_error: 0.05}\n").ok());
 }
 
 TEST(Cell, WorkspaceThatTheRobotLeavesAtAnyJointValuesIsRefused) {

@@ -71,6 +71,8 @@ def test_a_misspelt_key_is_refused_wherever_it_stands():
         {"margin": "2"},
         {"views": []},
         {"grid": {"max_move": 0.1, "steps": {"joint_1": 3}}},
+        {"grid": {"max_move": 350}},
+        {"sound": {"least_obstacle": 15}},
         {"capture": {"settle": "1 day"}},
         {"segmentation": {"faint_side": 4}},
         {"server": {"robot_image_memory": "8 gigabytes"}},

@@ -305,7 +305,7 @@ TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
   WriteText(cell.cell(),
             absl::StrReplaceAll(text, {{": simulation.yaml", ": " + folder + "simulation.yaml"},
                                        {": ../../", ": " + folder + "../../"},
-                                       {"max_move: 0.08", "max_move: 1.2"}}));
+                                       {"max_move: 0.08", "steps: {joint_1: 7, joint_3: 4}"}}));
   Outcome outcome = cell.Run(cell.Arguments("reference", {"--with-robot", "--images", "12"}));
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   outcome = cell.Run(cell.Arguments("reference"));
