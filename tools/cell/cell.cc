@@ -2,6 +2,7 @@
 #include "tools/cell/cell.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -179,6 +180,46 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
   return ReachBox(*cell.robot.model, moving, cell.fixed_joints, cell.robot.payload_radius);
+}
+
+namespace {
+
+// "8 min 20 s"
+std::string SpokenTime(absl::Duration time) {
+  const double seconds = absl::ToDoubleSeconds(time);
+  if (seconds < 60) return absl::StrFormat("%g s", seconds);
+  const double rest = std::fmod(seconds, 60);
+  return absl::StrFormat("%.0f min", (seconds - rest) / 60) +
+         (rest == 0 ? "" : absl::StrFormat(" %g s", rest));
+}
+
+}  // namespace
+
+std::vector<std::string> Doubts(const Cell& cell) {
+  constexpr absl::Duration kOld = absl::Seconds(10);
+  constexpr absl::Duration kApart = absl::Seconds(1);
+  const SceneSettings& scene = cell.server.scene;
+  std::vector<std::string> doubts;
+  const auto long_time = [&](const std::string& key, absl::Duration time,
+                             const std::string& consequence) {
+    doubts.push_back(absl::StrFormat(
+        "server: %s: free verdicts may rest on images %s %s; write '%g ms' if milliseconds are "
+        "meant",
+        key, SpokenTime(time), consequence, absl::ToDoubleSeconds(time)));
+  };
+  if (scene.max_age > kOld) long_time("max_age", scene.max_age, "old");
+  if (scene.max_skew > kApart) {
+    long_time("max_skew", scene.max_skew, "apart, between which people move");
+  }
+  constexpr double kOfChord = 1.05;  // grid_move is along the arc, max_move along its chord
+  if (cell.grid_move > kOfChord * kMostMove) {
+    doubts.push_back(absl::StrFormat(
+        "grid: steps: the robot moves by up to %.2g m from one grid value to the next: people are "
+        "0.3 to 0.5 m thick, and between grid values they may be in no robot image; state more "
+        "steps, or 'max_move: 0.1' in their place",
+        cell.grid_move));
+  }
+  return doubts;
 }
 
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {

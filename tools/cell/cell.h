@@ -128,6 +128,9 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell);
 // WorkspaceHoldsRobot. A drawn robot's joint limits may be wider than where it goes.
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
+// What the file may state and its author probably did not mean: a sentence each, with the mend.
+std::vector<std::string> Doubts(const Cell& cell);
+
 // What the sound presets are served with; nothing if the file does not say. Errors: as those of
 // WorkspaceOf.
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell);

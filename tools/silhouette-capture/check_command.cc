@@ -40,6 +40,7 @@ struct Finding {
   std::string what;
   bool good = false;
   std::string text;
+  bool doubtful = false;  // good, and worth a look
 };
 using Findings = std::vector<Finding>;
 
@@ -244,6 +245,9 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   add(OfLimits(file.cell));
   add(OfDrawnImages(file.cell));
   add(OfWorkspace(file.cell));
+  for (const std::string& doubt : Doubts(file.cell)) {
+    add({{.what = "cell file", .good = true, .text = doubt, .doubtful = true}});
+  }
   const auto devices = OpenDevices(file.cell, travel, file.variant);
   if (devices.ok()) {
     add(OfRobot(file.cell, *devices->robot));
@@ -259,8 +263,11 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   for (const Finding& finding : findings) {
     json["findings"].push_back(
         {{"what", finding.what}, {"good", finding.good}, {"text", finding.text}});
-    absl::StrAppendFormat(&text, "%-5s  %s: %s\n", finding.good ? "ok" : "FAULT", finding.what,
-                          finding.text);
+    absl::StrAppendFormat(&text, "%-5s  %s: %s\n",
+                          !finding.good      ? "FAULT"
+                          : finding.doubtful ? "NOTE"
+                                             : "ok",
+                          finding.what, finding.text);
   }
   PrintResult(arguments.format, json, text);
   return good ? kDone : kNo;

@@ -210,6 +210,7 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
                      "' says that the robot's images are drawn: there is nothing to capture; ",
                      "to capture them, state 'images: captured' of the robot, and a grid"));
   }
+  for (const std::string& doubt : Doubts(file.cell)) std::cerr << doubt << std::endl;
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
   if (options.dry_run) return DryRun(options, file, travel);
 

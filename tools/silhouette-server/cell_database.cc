@@ -330,6 +330,7 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
                                                                    const std::string& path,
                                                                    bool unverified) {
+  for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
   const auto opened = Database::Open(path, Database::Access::kRead);
   if (absl::IsNotFound(opened.status())) {
     return absl::NotFoundError(absl::StrCat(

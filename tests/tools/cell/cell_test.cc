@@ -573,6 +573,19 @@ TEST(Cell, ARobotThatIsNotWhereItReportsCannotBeLetPassByCoreError) {
   EXPECT_TRUE(Load(std::string(kBareCell) + "server: {max_core_error: 0.05}\n").ok());
 }
 
+TEST(Cell, LongTimesAndWideStepsAreDoubted) {
+  EXPECT_THAT(Doubts(*Load(kBareCell)), ElementsAre());
+  const std::string server = "server: {max_age: 10 s, max_skew: 1 s}\n";
+  EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + server)), ElementsAre());
+  EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + "server: {max_age: 500, max_skew: 50}\n")),
+              ElementsAre(HasSubstr("max_age: free verdicts may rest on images 8 min 20 s old; "
+                                    "write '500 ms' if milliseconds are meant"),
+                          HasSubstr("max_skew: free verdicts may rest on images 50 s apart")));
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", ""))), ElementsAre());
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "steps: {joint_1: 8, joint_3: 8}", ""))),
+              ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
+}
+
 TEST(Cell, WorkspaceThatTheRobotLeavesAtAnyJointValuesIsRefused) {
   const auto status = [](const std::string& upper, const std::string& more = "",
                          const std::string& lower = "-1.8, -1.8, 0") {

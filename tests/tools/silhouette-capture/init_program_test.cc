@@ -161,7 +161,7 @@ TEST_F(NewCell, CheckNamesLimitsInDegreesAndALinkBeyondTheWorkspace) {
                     HasSubstr("correct 'workspace' in the cell file")));
 }
 
-TEST_F(NewCell, CheckNamesAWorkspaceThatACapturedRobotLeaves) {
+TEST_F(NewCell, CheckNamesAWorkspaceThatACapturedRobotLeavesAndWhatItDoubts) {
   ASSERT_EQ(InitSimulated().exit_code, 0);
   const std::string text = ReadText(cell_.cell());
   const auto check = [&](const std::string& more) {
@@ -172,9 +172,11 @@ TEST_F(NewCell, CheckNamesAWorkspaceThatACapturedRobotLeaves) {
   EXPECT_EQ(checked.exit_code, 1);
   EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  workspace: "),
                                  HasSubstr("m beyond the upper face of 'workspace' across z")));
-  checked = check("workspace: {lower: [-2, -2, -2], upper: [2, 2, 3]}\n");
+  checked = check("workspace: {lower: [-2, -2, -2], upper: [2, 2, 3]}\nserver: {max_age: 500}\n");
   EXPECT_EQ(checked.exit_code, 0) << checked.out;
-  EXPECT_THAT(checked.out, HasSubstr("ok     workspace: holds the robot"));
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("ok     workspace: holds the robot"),
+                                 HasSubstr("NOTE   cell file: server: max_age: free verdicts may "
+                                           "rest on images 8 min 20 s old")));
 }
 
 TEST_F(NewCell, AFileThatIsThereIsKept) {

@@ -244,6 +244,15 @@ TEST_F(ServerProgramTest, WorkspaceThatTheRobotLeavesRefusesToStart) {
   }
 }
 
+TEST_F(ServerProgramTest, WarnsOfImagesThatMayBeOldOrFarApart) {
+  WriteFile(cell, std::string(kServerTestCellFile) + "server: {max_age: 500, max_skew: 50}\n");
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+  EXPECT_THAT(program.Errors(), AllOf(HasSubstr("images 8 min 20 s old; write '500 ms'"),
+                                      HasSubstr("images 50 s apart")));
+}
+
 TEST_F(ServerProgramTest, DrawnImagesOfAModelThatIsNotVerifiedAreServedOnlyOnDemand) {
   GiveModelAndCameras("  images: drawn\n", "");
   std::vector<std::string> arguments{"--cell", cell,       "--database",
