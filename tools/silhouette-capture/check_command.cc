@@ -20,6 +20,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/robot_in_images.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
 #include "tools/silhouette-capture/run_plan.h"
@@ -214,6 +215,9 @@ Findings OfCapture(const CellArguments& arguments, const CellFile& file, const T
     return {{"database", false, std::string(database.status().message())}};
   } else {
     findings.push_back({"database", true, absl::StrCat(file.database, " is of this cell")});
+    const auto misplaced = MisplacedViews(file.cell, **database);
+    if (!misplaced.ok()) return {{"database", false, std::string(misplaced.status().message())}};
+    for (const std::string& text : *misplaced) findings.push_back({"calibration", false, text});
   }
   if (file.cell.robot.drawn) return findings;
   const Database* stored = database.ok() ? database->get() : nullptr;

@@ -11,7 +11,7 @@
 #include "capture/session/robot_outline.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
-#include "tools/silhouette-capture/expected_robot.h"
+#include "tools/cell/expected_robot.h"
 
 namespace silhouette {
 namespace {

@@ -24,6 +24,7 @@
 #include "db/store/store.h"
 #include "db/store/writer_lock.h"
 #include "server/scene/what_is_missed.h"
+#include "tools/cell/robot_in_images.h"
 #include "tools/cell/segmentation_text.h"
 
 namespace silhouette {
@@ -369,6 +370,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
                      "', or serve it with --unverified if you know it"));
   }
   LogLoaded(**served, path);
+  ASSIGN_OR_RETURN(const auto misplaced, MisplacedViews(cell, *database));
+  for (const std::string& sentence : misplaced) spdlog::warn("{}", sentence);
   LogRobotImages(**served, path, load);
   if (load.drawn) LogDrawn(**served, *load.drawn->robot);
   if (sound) LogSound(**served, cell);

@@ -315,6 +315,33 @@ TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
   EXPECT_GT(cell.Records(), 5u);
 }
 
+// Of the views that have each other's camera models, and of no others.
+TEST_F(CaptureProgram, CheckNamesViewsWhoseImagesShowTheRobotElsewhereThanTheCalibration) {
+  cell_.TakeReferences();
+  ASSERT_EQ(cell_.Run(cell_.Arguments("run")).exit_code, 0);
+  const std::string models = cell_ / "true";
+  const auto shell = [](const std::string& command) {
+    const std::string whole = ProgramFolder() + "/" + command + " >/dev/null 2>&1";
+    ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
+  };
+  shell("silhouette-sim calibration --cell " + cell_.cell() + " --out " + models);
+  shell("silhouette-db calibration import " + cell_.database() + " " + models);
+  EXPECT_THAT(cell_.Run(cell_.Arguments("check")).out, Not(HasSubstr("calibration")));
+
+  std::filesystem::rename(models + "/top.cameramodel", models + "/other");
+  std::filesystem::rename(models + "/front.cameramodel", models + "/top.cameramodel");
+  std::filesystem::rename(models + "/other", models + "/front.cameramodel");
+  shell("silhouette-db calibration import --force " + cell_.database() + " " + models);
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1);
+  for (const char* view : {"top", "front"}) {
+    EXPECT_THAT(
+        checked.out,
+        HasSubstr(std::string("FAULT  calibration: view '") + view +
+                  "': the robot in its captured images is not where calibration and URDF have it"));
+  }
+}
+
 // Nothing is captured with a robot that no camera sees.
 TEST_F(CaptureProgram, RobotThatNoViewSeesIsRefusedBeforeAnythingIsStored) {
   cell_.TakeReferences();

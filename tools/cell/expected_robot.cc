@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tools/silhouette-capture/expected_robot.h"
+#include "tools/cell/expected_robot.h"
 
 #include <iostream>
 #include <utility>
