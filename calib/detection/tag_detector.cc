@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <opencv2/imgproc.hpp>
+#include <set>
 #include <stdexcept>
 #include <tuple>
+#include <utility>
 
 #include "calib/boards/tag_family.h"
 #include "common/numbers/numbers.h"
@@ -41,6 +44,29 @@ PixelCorners CornersOf(const apriltag_detection_t& detection) {
   return corners;
 }
 
+// The squares that Kalibr prints touch its tags' corners. Where bright areas are grown by so many
+// pixels they come apart, at more blur by more.
+constexpr int kMostGrown = 2;
+
+cv::Mat Grown(const cv::Mat& image, int pixels) {
+  if (pixels == 0) return image;
+  cv::Mat grown;
+  cv::dilate(image, grown,
+             cv::getStructuringElement(cv::MORPH_RECT, {2 * pixels + 1, 2 * pixels + 1}));
+  return grown;
+}
+
+// Where the corners of a dark square are whose sides are farther out.
+PixelCorners MovedOut(const PixelCorners& corners, double pixels) {
+  PixelCorners moved = corners;
+  for (int i = 0; i < 4; ++i) {
+    for (const int next : {(i + 1) % 4, (i + 3) % 4}) {
+      moved[i] += pixels * (corners[i] - corners[next]).normalized();
+    }
+  }
+  return moved;
+}
+
 // Families in which tags differ by so few bits that a wrong one is soon taken for right are read
 // without correction; correcting two bits would take gigabytes for the largest.
 int CorrectedBits(const apriltag_family_t& family) { return family.h >= 9 ? 1 : 0; }
@@ -58,6 +84,7 @@ double LibrarySigma(double size, double module, double blur) {
 struct TagDetector::Library {
   std::vector<AprilTagFamily> families;
   std::map<const apriltag_family_t*, TagFamily> descriptions;
+  bool kalibr = false;
   apriltag_detector_t* detector = apriltag_detector_create();
 
   ~Library() { apriltag_detector_destroy(detector); }
@@ -70,6 +97,7 @@ TagDetector::TagDetector(const std::vector<std::string>& families)
     const TagFamily family(name);
     AprilTagFamily& added = library_->families.emplace_back(family.Library());
     library_->descriptions.emplace(added.get(), family);
+    library_->kalibr = library_->kalibr || name == kKalibrFamily;
     apriltag_detector_add_family_bits(library_->detector, added.get(), CorrectedBits(*added));
   }
   library_->detector->quad_decimate = 1;
@@ -83,32 +111,44 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
                                              const std::optional<CameraModel>& lens) {
   if (image.type() != CV_8UC1) throw std::invalid_argument("tags are looked for in grey images");
   if (std::min(image.cols, image.rows) < kLeastImage) return {};
-  image_u8_t view{image.cols, image.rows, static_cast<int>(image.step), image.data};
-  zarray_t* detections = apriltag_detector_detect(library_->detector, &view);
   std::vector<DetectedTag> tags;
   std::vector<double> modules;
   std::vector<double> blurs;
-  for (int i = 0; i < zarray_size(detections); ++i) {
-    apriltag_detection_t* detection = nullptr;
-    zarray_get(detections, i, &detection);
-    const TagFamily& family = library_->descriptions.at(detection->family);
-    const PixelCorners corners = CornersOf(*detection);
-    DetectedTag tag{
-        .family = family.name(), .tag = detection->id, .corners = {corners.begin(), corners.end()}};
-    tag.size = MeanSide(corners);
-    modules.push_back(ShortestSide(corners) / family.width_at_border());
-    if (const auto fitted = FitCorners(image, lens, corners, modules.back())) {
-      blurs.push_back(fitted->blur);
-      if (modules.back() > kLeastModuleInBlurs * fitted->blur) {
-        tag.fitted = true;
-        tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
-        tag.sigma = fitted->sigma;
-        tag.blur = fitted->blur;
+  for (int grown = 0; grown <= (library_->kalibr ? kMostGrown : 0); ++grown) {
+    std::set<std::pair<std::string, int>> known;
+    for (const DetectedTag& tag : tags) known.emplace(tag.family, tag.tag);
+    const cv::Mat searched = Grown(image, grown);
+    image_u8_t view{searched.cols, searched.rows, static_cast<int>(searched.step), searched.data};
+    zarray_t* detections = apriltag_detector_detect(library_->detector, &view);
+    for (int i = 0; i < zarray_size(detections); ++i) {
+      apriltag_detection_t* detection = nullptr;
+      zarray_get(detections, i, &detection);
+      const TagFamily& family = library_->descriptions.at(detection->family);
+      if (grown > 0 &&
+          (family.name() != kKalibrFamily || known.contains({family.name(), detection->id}))) {
+        continue;
       }
+      const PixelCorners corners = MovedOut(CornersOf(*detection), grown);
+      const double module = ShortestSide(corners) / family.width_at_border();
+      DetectedTag tag{.family = family.name(),
+                      .tag = detection->id,
+                      .corners = {corners.begin(), corners.end()}};
+      tag.size = MeanSide(corners);
+      if (const auto fitted = FitCorners(image, lens, corners, module)) {
+        blurs.push_back(fitted->blur);
+        if (module > kLeastModuleInBlurs * fitted->blur) {
+          tag.fitted = true;
+          tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
+          tag.sigma = fitted->sigma;
+          tag.blur = fitted->blur;
+        }
+      }
+      if (grown > 0 && !tag.fitted) continue;
+      modules.push_back(module);
+      tags.push_back(std::move(tag));
     }
-    tags.push_back(std::move(tag));
+    apriltag_detections_destroy(detections);
   }
-  apriltag_detections_destroy(detections);
   const double blur = Median(blurs, kUsualBlur);
   for (size_t i = 0; i < tags.size(); ++i) {
     if (!tags[i].fitted) tags[i].sigma = LibrarySigma(tags[i].size, modules[i], blur);

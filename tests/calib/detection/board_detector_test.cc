@@ -135,6 +135,22 @@ TEST(BoardDetector, AllTagsOfAnAprilGridAreFoundThoughSquaresTouchThem) {
   }
 }
 
+TEST(BoardDetector, BlurThatJoinsTheTagsOfAnAprilGridWithItsSquaresCostsFew) {
+  const Board board = WholeAprilGrid();
+  for (const double blur : {0.8, 1.2}) {
+    for (const int seed : {3, 4}) {
+      SCOPED_TRACE(testing::Message() << "blur " << blur << " seed " << seed);
+      std::mt19937_64 random(seed);
+      const RenderedBoard rendered(board, Intrinsics(960, 840, 900, -0.1),
+                                   RandomPose(board, 0.9, 0.4, random), {.blur = blur}, random);
+      const CornerErrors errors = ErrorsIn(rendered, board);
+      EXPECT_GE(errors.corners, size_t{4 * 33});
+      EXPECT_LT(errors.rms, 0.06);
+      EXPECT_LT(errors.worst, 0.3);
+    }
+  }
+}
+
 TEST(BoardDetector, TagOfAnAprilGridThatIsCoveredIsNotMadeUp) {
   const Board board = WholeAprilGrid();
   const RenderedBoard rendered = AprilGridSeen(board, 1);
