@@ -14,6 +14,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -77,8 +78,24 @@ cv::Mat EightBits(const cv::Mat& image) {
   return scaled;
 }
 
+// Whether a JPEG file ends before its image does: no end after the first scan's start.
+bool IsCutOff(std::string_view file) {
+  if (!file.starts_with("\xff\xd8")) return false;
+  const auto byte = [&](size_t at) { return static_cast<size_t>(static_cast<uint8_t>(file[at])); };
+  size_t at = 2;
+  while (at + 4 <= file.size() && byte(at) == 0xff && byte(at + 1) != 0xda) {
+    at += byte(at + 1) == 0xff ? 1 : 2 + 256 * byte(at + 2) + byte(at + 3);
+  }
+  return at >= file.size() || file.find("\xff\xd9", at) == std::string_view::npos;
+}
+
 // Grey, in the camera's own orientation whatever the file says of how to hold it.
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
+  ASSIGN_OR_RETURN(const std::string file, ReadWholeFile(path));
+  if (IsCutOff(file)) {
+    return InvalidArgument("'", path,
+                           "' stops in the middle of its image; copy it again, or remove it");
+  }
   cv::Mat image =
       cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.empty()) {

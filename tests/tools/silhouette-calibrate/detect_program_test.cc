@@ -210,6 +210,14 @@ TEST_F(DetectProgram, ImagesOfSixteenBitsKeepTheLevelsOfTheBitsThatTheyUse) {
   }
 }
 
+TEST_F(DetectProgram, AJpegThatIsCutOffIsRefusedByItsName) {
+  WriteImage("left/1.jpg", Rendered(1).image());
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
+  fs::resize_file(folder_ / "left/1.jpg", fs::file_size(folder_ / "left/1.jpg") * 6 / 10);
+  EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
+  EXPECT_THAT(err_, HasSubstr("1.jpg' stops in the middle of its image"));
+}
+
 TEST_F(DetectProgram, MistakesAreOneSentence) {
   WriteImage("left/1.png", Rendered(1).image());
   EXPECT_EQ(Run("--boards boards.yaml"), 2);
