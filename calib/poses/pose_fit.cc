@@ -44,10 +44,12 @@ void AddPoses(const PoseNetwork& network, const RobotNoise& noise, Bundle& bundl
     bundle.cameras.push_back({.name = absl::StrCat("view '", network.views[i].name, "'"),
                               .pose = *network.camera_poses[i]});
   }
-  for (const RobotPose& robot : network.robot_poses) {
+  for (size_t i = 0; i < network.robot_poses.size(); ++i) {
+    const RobotPose& robot = network.robot_poses[i];
     BundlePose pose =
         MeasuredPose(robot.base_from_flange, noise.position_sigma, noise.rotation_sigma);
     pose.name = absl::StrCat("the flange in frame '", robot.frame, "'");
+    pose.has_prior = network.same_as[i] == static_cast<int>(i);
     pose.constant = true;
     bundle.flanges.push_back(std::move(pose));
   }
@@ -123,7 +125,7 @@ BundleCorner CornerOf(const PoseNetwork& network, size_t look, size_t place) {
   const Look& of = network.looks[look];
   const LookCorner& corner = of.corners[place];
   return {.camera = of.view,
-          .flange = of.flange,
+          .flange = of.flange < 0 ? -1 : network.same_as[of.flange],
           .camera_on_flange = network.views[of.view].on_flange,
           .board_pose = of.board_pose,
           .size = network.board_poses[of.board_pose].board,

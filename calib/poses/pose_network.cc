@@ -2,6 +2,7 @@
 #include "calib/poses/pose_network.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -155,7 +156,56 @@ class LookSorter {
   bool with_pose_ = false;
 };
 
+// Whether what was seen at two of the robot's poses contradicts that nothing moved between them.
+bool ImagesMoved(const PoseNetwork& network, const std::vector<std::vector<const Look*>>& looks,
+                 size_t one, size_t other) {
+  constexpr double kMoved = 2;  // pixels
+  std::vector<double> moves;
+  for (const Look* a : looks[one]) {
+    std::map<std::pair<int, std::array<double, 3>>, Eigen::Vector2d> seen;
+    const auto key = [&](const Look& look, const LookCorner& corner) {
+      const Eigen::Vector3d& p = corner.point;
+      return std::pair(network.board_poses[look.board_pose].board,
+                       std::array<double, 3>{p.x(), p.y(), p.z()});
+    };
+    for (const LookCorner& corner : a->corners) seen.emplace(key(*a, corner), corner.pixel);
+    for (const Look* b : looks[other]) {
+      if (b->view != a->view) continue;
+      for (const LookCorner& corner : b->corners) {
+        const auto same = seen.find(key(*b, corner));
+        if (same != seen.end()) moves.push_back((same->second - corner.pixel).norm());
+      }
+    }
+  }
+  return !moves.empty() && Median(std::move(moves)) > kMoved;
+}
+
+std::vector<int> SamePoses(const PoseNetwork& network, const RobotNoise& noise) {
+  std::vector<std::vector<const Look*>> looks(network.robot_poses.size());
+  for (const Look& look : network.looks) {
+    if (look.flange >= 0) looks[look.flange].push_back(&look);
+  }
+  std::vector<int> same_as;
+  for (size_t i = 0; i < network.robot_poses.size(); ++i) {
+    size_t first = 0;
+    while (first < i && (same_as[first] != static_cast<int>(first) ||
+                         !IsSamePose(network.robot_poses[first].base_from_flange,
+                                     network.robot_poses[i].base_from_flange, noise) ||
+                         ImagesMoved(network, looks, first, i))) {
+      ++first;
+    }
+    same_as.push_back(static_cast<int>(first));
+  }
+  return same_as;
+}
+
 }  // namespace
+
+bool IsSamePose(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, const RobotNoise& noise) {
+  const Eigen::Isometry3d off = a.inverse() * b;
+  return off.translation().norm() < noise.position_sigma &&
+         RotationVectorOf(off).norm() < noise.rotation_sigma;
+}
 
 Eigen::Isometry3d PoseNetwork::LinkOf(const Look& look) const {
   if (look.flange < 0) return Eigen::Isometry3d::Identity();
@@ -181,6 +231,7 @@ absl::StatusOr<PoseNetwork> NetworkOf(const PoseProblem& problem) {
   LookSorter sorter(problem, names, network);
   for (size_t i = 0; i < problem.sightings.size(); ++i) sorter.Add(i);
   RETURN_IF_ERROR(sorter.Finish());
+  network.same_as = SamePoses(network, problem.robot_noise);
   return network;
 }
 

@@ -46,6 +46,9 @@ struct PoseNetwork {
   std::vector<CameraModel> lenses;  // one per view, with the identity as pose
   std::vector<PoseBoard> boards;
   std::vector<RobotPose> robot_poses;
+  // Of each robot pose the first one that is the same, with nothing moved in the images: they share
+  // one error.
+  std::vector<int> same_as;
   std::vector<std::optional<Eigen::Isometry3d>> camera_poses;  // one per view
   std::vector<BoardPose> board_poses;
   std::vector<Look> looks;
@@ -76,6 +79,9 @@ void FindCandidates(PoseNetwork& network);
 // back, and by hand-eye calibration where neither is known. Returns why views that did not get a
 // pose have none, one sentence each; empty if all have one.
 std::vector<std::string> SeedPoses(PoseNetwork& network);
+
+// Whether two poses of the robot are one and the same, within the standard deviations of `noise`.
+bool IsSamePose(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b, const RobotNoise& noise);
 
 // Robot-world/hand-eye calibration in closed form: camera_pose * link_i * board_pose = seen_i.
 

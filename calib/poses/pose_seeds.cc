@@ -108,9 +108,11 @@ class Seeder {
     for (const auto& [view, looks] : looks_of_view_) {
       if (network_.camera_poses[view]) continue;
       std::map<int, std::vector<LinkedLook>> by_board;
+      std::set<std::pair<int, int>> known;  // once at each pose of the robot
       for (const Look* look : looks) {
         if (look->flange < 0 || network_.board_poses[look->board_pose].pose) continue;
         if (PlaceOf(look->board_pose) == BoardPlace::kLoose) continue;
+        if (!known.emplace(look->board_pose, network_.same_as[look->flange]).second) continue;
         by_board[look->board_pose].push_back({look, network_.LinkOf(*look)});
       }
       for (const auto& [board, linked] : by_board) {

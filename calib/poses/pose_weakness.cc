@@ -67,11 +67,17 @@ absl::Status CheckFreedom(const PoseSolution& solution) {
       kLeastFreedom, " are needed: add two or more frames with a board, or larger boards"));
 }
 
+// The frame of a corner; of frames at one pose of the robot the first.
+const std::string& StandOf(const PoseFit& fit, const BundleCorner& corner) {
+  return corner.flange >= 0 ? fit.network.robot_poses[corner.flange].frame
+                            : fit.network.looks[corner.look].frame;
+}
+
 // Nothing if the rest does not determine all poses.
 std::optional<Bundle> Without(const PoseFit& fit, const std::string& frame) {
   Bundle rest = fit.bundle;
   for (BundleCorner& corner : rest.corners) {
-    corner.used = corner.used && fit.network.looks[corner.look].frame != frame;
+    corner.used = corner.used && StandOf(fit, corner) != frame;
   }
   if (!Adjust(rest, 0) || !FindCovariances(rest).undetermined.empty()) return std::nullopt;
   return rest;
@@ -107,7 +113,7 @@ absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolut
   RETURN_IF_ERROR(CheckFreedom(solution));
   std::set<std::string> frames;
   for (const BundleCorner& corner : fit.bundle.corners) {
-    if (corner.used) frames.insert(fit.network.looks[corner.look].frame);
+    if (corner.used) frames.insert(StandOf(fit, corner));
   }
   if (frames.size() > kMostFramesTried || HasSurvey(solution)) return absl::OkStatus();
   for (const std::string& frame : frames) RETURN_IF_ERROR(CheckWithout(fit, solution, frame));

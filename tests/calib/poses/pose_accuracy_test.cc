@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // How exact camera poses are, over several seeds, and whether they are as exact as they say.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -126,6 +127,35 @@ TEST(PoseAccuracy, ErrorsThatCornersOfAnImageShareMakePosesAsUncertainAsTheyAre)
 }
 
 // A view saw its board only in two of three frames above: here in each of thirty.
+TEST(PoseAccuracy, FramesAtOnePoseOfTheRobotShareItsError) {
+  PoseRig rig(5);
+  rig.AddFlangeBoard();
+  rig.Drive(8);
+  rig.problem.least_frames = 6;
+  const auto once = CalibratePoses(rig.problem);
+  ASSERT_TRUE(once.ok()) << once.status();
+  const RobotPose last = rig.problem.robot_poses.back();
+  std::vector<TagSighting> seen = rig.problem.sightings;
+  std::erase_if(seen, [&](const TagSighting& tag) { return tag.frame != last.frame; });
+  for (int i = 0; i < 40; ++i) {
+    const std::string frame = "rest" + std::to_string(i);
+    rig.problem.robot_poses.push_back({frame, last.base_from_flange});
+    for (TagSighting tag : seen) {
+      tag.frame = frame;
+      for (Eigen::Vector2d& corner : tag.corners) {
+        corner += Eigen::Vector2d(rig.Normal(0.05), rig.Normal(0.05));
+      }
+      rig.problem.sightings.push_back(tag);
+    }
+  }
+  const auto often = CalibratePoses(rig.problem);
+  ASSERT_TRUE(often.ok()) << often.status();
+  EXPECT_THAT(often->warnings, testing::Contains(testing::HasSubstr("only 8 poses of the robot")));
+  for (size_t view = 0; view < once->views.size(); ++view) {
+    EXPECT_GT(often->views[view].workspace_sigma, 0.8 * once->views[view].workspace_sigma) << view;
+  }
+}
+
 TEST(PoseAccuracy, ThirtySightingsByOneView) {
   const Errors errors = ErrorsOf(10, [](unsigned seed) {
     PoseRig rig(seed, 1);
