@@ -3,12 +3,15 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/camera/camera_model.h"
 #include "calib/poses/pose_network.h"
 #include "calib/poses/pose_notation.h"
 #include "common/numbers/numbers.h"
@@ -20,8 +23,8 @@ namespace {
 
 using Isometries = std::vector<Eigen::Isometry3d>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
-using Vector12 = Eigen::Matrix<double, 12, 1>;
-using Matrix12 = Eigen::Matrix<double, 12, 12>;
+using Parameters = Eigen::Matrix<double, 13, 1>;
+using Normals = Eigen::Matrix<double, 13, 13>;
 
 constexpr size_t kLeastPairs = 5;
 constexpr double kPairOutlier = 5;  // sigmas per axis, of a length
@@ -31,7 +34,17 @@ constexpr double kMostPosition = 0.02;         // metres
 constexpr double kMostRotation = 2 * kDegree;  // radians
 // The median length of a normally distributed triple over its standard deviation per axis.
 constexpr double kMedianOfThree = 1.538;
-constexpr double kClearlyBetter = 4;
+// Shares of the boards that lie in the image: of pairs that are meant so, and at least.
+constexpr double kMeantSo = 0.9;
+constexpr double kLeastInImage = 0.5;
+// What is on the flange is nearer to it (metres), or at least not so much farther from it than what
+// stands is from the base.
+constexpr double kFarFromFlange = 1;
+constexpr double kMuchFarther = 3;
+// As in the checks of boards' sizes by corners.
+constexpr double kSizeCertain = 5;  // sigmas
+constexpr double kSizeMentioned = 0.001;
+constexpr double kSizeRefused = 0.01;
 
 Eigen::Isometry3d ReadPose(const YamlNode& node, const PoseNotation& notation,
                            const std::vector<double>& values) {
@@ -55,11 +68,43 @@ Eigen::Isometry3d ReadTransform(const YamlNode& node) {
   return ReadPose(node, PoseNotation(), values);
 }
 
-// What is to be solved: camera_pose * link_i * board_pose = seen_i.
+// What is to be solved: camera_pose * link_i * board_pose = seen_i, the seen translation times the
+// size. One for each pose of the robot.
 struct Links {
   Isometries links;
   Isometries seen;
 };
+
+// For each pair the first that the robot's pose is the same of.
+std::vector<size_t> FirstsOf(std::span<const PosePair> pairs) {
+  std::vector<size_t> firsts;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    size_t first = 0;
+    while (first < i &&
+           (firsts[first] != first ||
+            !IsSamePose(pairs[first].base_from_flange, pairs[i].base_from_flange, RobotNoise()))) {
+      ++first;
+    }
+    firsts.push_back(first);
+  }
+  return firsts;
+}
+
+// One pair for each pose of the robot, with the mean of what was seen.
+std::vector<PosePair> Merged(std::span<const PosePair> pairs, const std::vector<size_t>& firsts) {
+  std::vector<PosePair> merged;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (firsts[i] != i) continue;
+    Isometries seen;
+    for (size_t k = i; k < pairs.size(); ++k) {
+      if (firsts[k] == i) seen.push_back(pairs[k].camera_from_board);
+    }
+    const Isometries links(seen.size(), Eigen::Isometry3d::Identity());
+    merged.push_back(
+        {pairs[i].base_from_flange, BoardPoseBy(Eigen::Isometry3d::Identity(), links, seen)});
+  }
+  return merged;
+}
 
 Links LinksOf(std::span<const PosePair> pairs, bool on_flange) {
   Links links;
@@ -79,22 +124,25 @@ Eigen::Isometry3d Moved(const Eigen::Isometry3d& pose, const Vector6& by) {
 
 // Rotation vector and translation between what is seen and what the poses say.
 Vector6 Miss(const Links& links, size_t i, const PairSolution& poses) {
+  Eigen::Isometry3d seen = links.seen[i];
+  seen.translation() *= poses.size;
   const Eigen::Isometry3d off =
-      links.seen[i].inverse() * poses.camera_pose * links.links[i] * poses.board_pose;
+      seen.inverse() * poses.camera_pose * links.links[i] * poses.board_pose;
   Vector6 miss;
   miss << RotationVectorOf(off), off.translation();
   return miss;
 }
 
-PairSolution Moved(PairSolution poses, const Vector12& by) {
+PairSolution Moved(PairSolution poses, const Parameters& by) {
   poses.camera_pose = Moved(poses.camera_pose, by.head<6>());
-  poses.board_pose = Moved(poses.board_pose, by.tail<6>());
+  poses.board_pose = Moved(poses.board_pose, by.segment<6>(6));
+  poses.size += by[12];
   return poses;
 }
 
 // The normal equations of the pairs that are no outliers, weighted by the sigmas.
-void NormalEquationsOf(const Links& links, const PairSolution& poses, Matrix12& matrix,
-                       Vector12& gradient) {
+void NormalEquationsOf(const Links& links, const PairSolution& poses, bool sized, Normals& matrix,
+                       Parameters& gradient) {
   matrix.setZero();
   gradient.setZero();
   Vector6 weights;
@@ -102,16 +150,18 @@ void NormalEquationsOf(const Links& links, const PairSolution& poses, Matrix12& 
       Eigen::Vector3d::Constant(1 / poses.position_sigma);
   for (size_t i = 0; i < links.links.size(); ++i) {
     if (poses.residuals[i].outlier) continue;
-    Eigen::Matrix<double, 6, 12> derivative;
-    for (int k = 0; k < 12; ++k) {
-      const Vector12 step = kStep * Vector12::Unit(k);
+    Eigen::Matrix<double, 6, 13> derivative;
+    for (int k = 0; k < 13; ++k) {
+      const Parameters step = kStep * Parameters::Unit(k);
       derivative.col(k) =
           (Miss(links, i, Moved(poses, step)) - Miss(links, i, Moved(poses, -step))) / (2 * kStep);
     }
+    if (!sized) derivative.col(12).setZero();
     derivative = weights.asDiagonal() * derivative;
     matrix += derivative.transpose() * derivative;
     gradient += derivative.transpose() * weights.asDiagonal() * Miss(links, i, poses);
   }
+  if (!sized) matrix(12, 12) = 1;
 }
 
 // The residuals, and the sigmas by those that are no outliers.
@@ -150,24 +200,31 @@ void MarkOutliers(PairSolution& poses) {
   }
 }
 
-void Refine(const Links& links, PairSolution& poses) {
-  Matrix12 matrix;
-  Vector12 gradient;
+void Refine(const Links& links, bool sized, PairSolution& poses) {
+  Normals matrix;
+  Parameters gradient;
   constexpr int kRounds = 30;
   for (int round = 0; round < kRounds; ++round) {
-    NormalEquationsOf(links, poses, matrix, gradient);
-    const Vector12 step = -matrix.ldlt().solve(gradient);
+    NormalEquationsOf(links, poses, sized, matrix, gradient);
+    const Parameters step = -matrix.ldlt().solve(gradient);
     if (!step.allFinite()) return;
     poses = Moved(poses, step);
     FindNoise(links, poses);
     if (round < kRounds / 2) MarkOutliers(poses);
     if (round >= kRounds / 2 && step.norm() < 1e-10) break;
   }
-  NormalEquationsOf(links, poses, matrix, gradient);
-  poses.covariance = matrix.inverse().topLeftCorner<6, 6>();
+  NormalEquationsOf(links, poses, sized, matrix, gradient);
+  const Normals covariance = matrix.inverse();
+  poses.covariance = covariance.topLeftCorner<6, 6>();
+  if (sized) poses.size_sigma = std::sqrt(std::max(0.0, covariance(12, 12)));
 }
 
-std::optional<PairSolution> SolveLinks(const Links& links) {
+size_t Kept(const PairSolution& poses) {
+  return static_cast<size_t>(std::ranges::count(poses.residuals, false, &PairResidual::outlier));
+}
+
+// `sized`: finds the size, too.
+std::optional<PairSolution> SolveLinks(const Links& links, bool sized = false) {
   const std::optional<Eigen::Isometry3d> camera_pose = CameraPoseByPark(links.links, links.seen);
   if (!camera_pose) return std::nullopt;
   PairSolution poses;
@@ -175,26 +232,131 @@ std::optional<PairSolution> SolveLinks(const Links& links) {
   poses.board_pose = BoardPoseBy(*camera_pose, links.links, links.seen);
   poses.residuals.resize(links.links.size());
   FindNoise(links, poses);
-  Refine(links, poses);
+  Refine(links, sized, poses);
   return poses;
 }
 
 // In sigmas of what is of use; infinity if there is no solution.
 double Badness(const std::optional<PairSolution>& solution) {
-  if (!solution) return std::numeric_limits<double>::infinity();
+  if (!solution || !solution->covariance.allFinite()) {
+    return std::numeric_limits<double>::infinity();
+  }
   return std::max(solution->position_sigma / kMostPosition,
                   solution->rotation_sigma / kMostRotation);
 }
 
-// What would explain pairs that contradict each other. Inverted poses of the camera are as those of
-// the other mount.
-std::string ExplanationOf(std::span<const PosePair> pairs, bool on_flange, double badness) {
-  if (kClearlyBetter * Badness(SolveLinks(LinksOf(pairs, !on_flange))) < badness) {
-    return absl::StrCat(on_flange ? "with a camera that stands still (without --eye-in-hand)"
-                                  : "with the camera on the flange (--eye-in-hand)",
-                        ", or with the camera's poses inverted, they fit");
+// The share of the boards whose origin lies in the image, or near it.
+double ShareInImage(std::span<const PosePair> pairs, const CameraIntrinsics& lens) {
+  constexpr double kMargin = 0.25;  // of the image; a board's origin is on its rim
+  const CameraModel camera(lens);
+  double count = 0;
+  for (const PosePair& pair : pairs) {
+    const auto pixel = camera.Project(pair.camera_from_board.translation());
+    if (!pixel) continue;
+    const double x = (pixel->x() + 0.5) / lens.width;
+    const double y = (pixel->y() + 0.5) / lens.height;
+    count += std::min(x, y) > -kMargin && std::max(x, y) < 1 + kMargin ? 1 : 0;
   }
-  return "see whether each board pose belongs to its robot pose, and all are in metres";
+  return count / static_cast<double>(pairs.size());
+}
+
+// Other things that pairs may say than what they should.
+struct Reading {
+  bool exchanged;
+  bool robot_inverted;
+  bool seen_inverted;
+
+  std::vector<PosePair> Of(std::vector<PosePair> pairs) const {
+    for (PosePair& pair : pairs) {
+      if (exchanged) std::swap(pair.base_from_flange, pair.camera_from_board);
+      if (robot_inverted) pair.base_from_flange = pair.base_from_flange.inverse();
+      if (seen_inverted) pair.camera_from_board = pair.camera_from_board.inverse();
+    }
+    return pairs;
+  }
+  std::string InWords(bool on_flange) const {
+    if (robot_inverted && !seen_inverted && !exchanged) {
+      return absl::StrCat(on_flange ? "with a camera that stands still (without --eye-in-hand)"
+                                    : "with the camera on the flange (--eye-in-hand)",
+                          ", or with the robot's poses inverted,");
+    }
+    const char* inverted = robot_inverted && seen_inverted ? "with both poses inverted"
+                           : robot_inverted                ? "with the robot's poses inverted"
+                                                           : "with the camera's poses inverted";
+    if (!exchanged) return inverted;
+    return absl::StrCat(
+        "with the robot's poses and the board's exchanged",
+        robot_inverted || seen_inverted ? absl::StrCat(", and ", inverted, ",") : std::string());
+  }
+};
+constexpr std::array<Reading, 7> kReadings = {{{true, false, false},
+                                               {false, true, true},
+                                               {false, true, false},
+                                               {false, false, true},
+                                               {true, true, true},
+                                               {true, true, false},
+                                               {true, false, true}}};
+
+// The reading by which pairs fit and boards lie in the image; null if none is.
+const Reading* OtherReading(const std::vector<PosePair>& pairs, const PoseView& view) {
+  for (const Reading& reading : kReadings) {
+    const std::vector<PosePair> other = reading.Of(pairs);
+    if (ShareInImage(other, view.lens) >= kMeantSo &&
+        Badness(SolveLinks(LinksOf(other, view.on_flange))) < 1) {
+      return &reading;
+    }
+  }
+  return nullptr;
+}
+
+// Whether the camera can have seen what it is said to have seen.
+absl::Status CheckPlaces(const std::vector<PosePair>& pairs, const PoseView& view,
+                         const PairSolution& solution) {
+  const double in_image = ShareInImage(pairs, view.lens);
+  const Reading* other = in_image < kMeantSo ? OtherReading(pairs, view) : nullptr;
+  if (other != nullptr || in_image < kLeastInImage) {
+    return FailedPrecondition(
+        absl::StrFormat("has pairs of poses by which only %.0f %% of the boards lie in its image; ",
+                        100 * in_image),
+        other ? absl::StrCat(other->InWords(view.on_flange), " they do")
+              : std::string("board poses are camera_from_board, z along the view, x to the right, "
+                            "y down; see whether they and the lens are right"));
+  }
+  const double camera = solution.camera_pose.translation().norm();
+  const double board = solution.board_pose.translation().norm();
+  const double carried = view.on_flange ? camera : board;
+  const double standing = view.on_flange ? board : camera;
+  if (carried < kFarFromFlange || carried < kMuchFarther * standing) return absl::OkStatus();
+  return FailedPrecondition(absl::StrFormat(
+      "has pairs of poses by which the %s is %.1f m from the flange and the %s only %.1f m from "
+      "the robot's base; it looks as if poses were inverted",
+      view.on_flange ? "camera" : "board", carried, view.on_flange ? "board" : "camera", standing));
+}
+
+// The solution with the size that counts, or why there is none.
+absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& stated,
+                                        std::optional<PairSolution> sized, SizeTrust trust) {
+  const bool certain =
+      Badness(sized) < 1 && sized->size > 0.5 && sized->size < 2 &&
+      std::abs(sized->size - 1) > std::max(kSizeMentioned, kSizeCertain * sized->size_sigma);
+  if (!certain) return *stated;
+  const std::string what = absl::StrFormat(
+      "has boards that measure %.2f %% (+- %.2g) of what their poses are reckoned with, by the "
+      "motion of the robot: measure the print; if it is right, the robot's positions or the lens's "
+      "focal length are off by this share",
+      100 * sized->size, 100 * sized->size_sigma);
+  const bool small = std::abs(sized->size - 1) < kSizeRefused;
+  if (trust == SizeTrust::kFound || (trust == SizeTrust::kNeither && small)) {
+    sized->warning = what + ", as they are here (--trust-size found)";
+    return *sized;
+  }
+  if (trust == SizeTrust::kStated && Badness(stated) < 1) {
+    PairSolution kept = *stated;
+    kept.warning = what;
+    return kept;
+  }
+  return FailedPrecondition(
+      what, "; --trust-size found takes them so, --trust-size stated keeps the size stated");
 }
 
 }  // namespace
@@ -223,22 +385,50 @@ absl::StatusOr<std::vector<PosePair>> PosePairsFromText(const std::string& text,
   }
 }
 
-absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, bool on_flange) {
+absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> given, const PoseView& view,
+                                            SizeTrust trust) {
+  const std::vector<size_t> firsts = FirstsOf(given);
+  const std::vector<PosePair> pairs = Merged(given, firsts);
   if (pairs.size() < kLeastPairs) {
-    return FailedPrecondition("has only ", pairs.size(), " pairs of poses; ", kLeastPairs,
+    return FailedPrecondition(
+        "has only ", pairs.size(), " pairs of poses",
+        pairs.size() < given.size()
+            ? absl::StrCat(" at different poses of the robot, of ", given.size(), " in all")
+            : std::string(),
+        "; ", kLeastPairs, " are the least, twenty are good");
+  }
+  const Links links = LinksOf(pairs, view.on_flange);
+  RETURN_IF_ERROR(CheckTurns(links.links));
+  const std::optional<PairSolution> stated = SolveLinks(links);
+  std::optional<PairSolution> sized = SolveLinks(links, true);
+  if (Badness(stated) >= 1 && Badness(sized) >= 1) {
+    const Reading* other = OtherReading(pairs, view);
+    return FailedPrecondition(
+        std::isfinite(Badness(stated))
+            ? absl::StrFormat("has pairs of poses that miss each other by %.0f mm and %.1f deg; ",
+                              1000 * stated->position_sigma, stated->rotation_sigma / kDegree)
+            : "has pairs of poses that no pose of the camera explains; ",
+        other ? absl::StrCat(other->InWords(view.on_flange), " they fit")
+              : std::string("see whether each board pose belongs to its robot pose, and all are in "
+                            "metres"));
+  }
+  RETURN_IF_ERROR(CheckPlaces(pairs, view, Badness(stated) < 1 ? *stated : *sized));
+  ASSIGN_OR_RETURN(PairSolution solution, ChooseSize(stated, std::move(sized), trust));
+  if (Kept(solution) < kLeastPairs) {
+    return FailedPrecondition("has only ", Kept(solution), " of ", pairs.size(),
+                              " pairs of poses that agree with each other; ", kLeastPairs,
                               " are the least, twenty are good");
   }
-  const Links links = LinksOf(pairs, on_flange);
-  RETURN_IF_ERROR(CheckTurns(links.links));
-  const std::optional<PairSolution> solution = SolveLinks(links);
-  const double badness = Badness(solution);
-  if (badness < 1) return *solution;
-  return FailedPrecondition(
-      solution
-          ? absl::StrFormat("has pairs of poses that miss each other by %.0f mm and %.1f deg; ",
-                            1000 * solution->position_sigma, solution->rotation_sigma / kDegree)
-          : "has pairs of poses that no pose of the camera explains; ",
-      ExplanationOf(pairs, on_flange, badness));
+  solution.robot_poses = pairs.size();
+  const std::vector<PairResidual> merged = solution.residuals;
+  solution.residuals.clear();
+  size_t next = 0;
+  std::vector<size_t> places(given.size());
+  for (size_t i = 0; i < given.size(); ++i) {
+    places[i] = firsts[i] == i ? next++ : places[firsts[i]];
+    solution.residuals.push_back(merged[places[i]]);
+  }
+  return solution;
 }
 
 }  // namespace silhouette

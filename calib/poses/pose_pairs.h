@@ -3,7 +3,8 @@
 // where the robot's flange was, and where a board was before the camera.
 //
 // The pairs do not say how exact they are. Their noise, of position and of rotation, is found from
-// how they miss each other; an error that they share (of the lens, of the board's size) is not.
+// how they miss each other; an error that they share is not, but for the board's size. Pairs at one
+// pose of the robot count as one, with the mean of what was seen.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -14,6 +15,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/poses/pose_calibration.h"
+#include "calib/poses/pose_problem.h"
 
 namespace silhouette {
 
@@ -43,10 +45,16 @@ struct PairSolution {
   double position_sigma = 0;            // of a pair, per axis, metres
   double rotation_sigma = 0;            // radians
   std::vector<PairResidual> residuals;  // one for each pair
+  size_t robot_poses = 0;               // different ones
+  double size = 1;                      // factor on the distances of boards
+  double size_sigma = 0;                // 0: the size was not sought
+  std::string warning;                  // as the end of a sentence about the view; empty: none
 };
 
 // FailedPrecondition, as the end of a sentence about the view: fewer than five pairs, a flange that
-// turned about one axis only, pairs that contradict each other; with what would explain them.
-absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, bool on_flange);
+// turned about one axis only, pairs that contradict each other, boards that the view's lens does
+// not show, or boards of another size; with what would explain them.
+absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, const PoseView& view,
+                                            SizeTrust trust = SizeTrust::kNeither);
 
 }  // namespace silhouette

@@ -83,11 +83,15 @@ void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
   result.workspace_sigma = std::sqrt(squares);
   solution.views.push_back(result);
   solution.warnings.push_back(absl::StrFormat(
-      "view '%s': %d pairs of poses, %d left out, miss each other by %.2f mm and %.3f deg (1 sigma "
-      "per axis); without corners nothing is known of errors that all pairs share, of the lens or "
-      "of the board's size",
-      view.view, view.pairs.size(), outliers, 1000 * solved.position_sigma,
+      "view '%s': %d pairs of poses, %d left out, at %d poses of the robot, miss each other by "
+      "%.2f "
+      "mm and %.3f deg (1 sigma per axis); without corners nothing is known of errors of the lens "
+      "that all pairs share",
+      view.view, view.pairs.size(), outliers, solved.robot_poses, 1000 * solved.position_sigma,
       solved.rotation_sigma / kDegree));
+  if (!solved.warning.empty()) {
+    solution.warnings.push_back(absl::StrCat("view '", view.view, "' ", solved.warning));
+  }
 }
 
 // --pairs: without corners.
@@ -102,7 +106,7 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
   solution.chi2_per_dof = 1;
   for (const ViewPairs& view : views) {
     const PoseView& known = *std::ranges::find(problem.views, view.view, &PoseView::name);
-    const auto solved = SolvePosePairs(view.pairs, known.on_flange);
+    const auto solved = SolvePosePairs(view.pairs, known, sources.size_trust);
     if (absl::IsFailedPrecondition(solved.status())) {
       std::cerr << "silhouette-calibrate: view '" << view.view << "' " << solved.status().message()
                 << "\nnothing was written" << std::endl;

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <random>
+#include <utility>
 
 #include "calib/camera/camera_model.h"
 
@@ -12,18 +13,29 @@ namespace {
 
 using testing::HasSubstr;
 
+PoseView ViewOf(bool on_flange) {
+  return {.name = "left",
+          .lens = {.width = 640, .height = 480, .fx = 600, .fy = 600, .cx = 320, .cy = 240},
+          .on_flange = on_flange};
+}
+
 constexpr double kPairPosition = 1e-3;           // noise per axis, metres
 constexpr double kPairRotation = 0.1 * kDegree;  // radians
 
 class Pairs {
  public:
   explicit Pairs(unsigned seed, int count = 25, bool on_flange = false) : random_(seed) {
-    camera_pose = Anywhere(1.5, 3);
-    board_pose = Anywhere(0.1, 3);
+    // Of the base, about a metre and a half away, and of the flange.
+    const Eigen::Isometry3d far =
+        PoseOf(1.5 * Normals(), {1.2 + 0.1 * normal_(random_), 0.3 * normal_(random_), 0.9});
+    const Eigen::Isometry3d near = Anywhere(0.1, 3);
+    camera_pose = on_flange ? near : far;
+    board_pose = on_flange ? far : near;
     for (int i = 0; i < count; ++i) {
-      const Eigen::Isometry3d flange = Anywhere(0.5, 0.6);
-      const Eigen::Isometry3d link = on_flange ? flange.inverse() : flange;
-      pairs.push_back({flange, camera_pose * link * board_pose * Noise()});
+      const Eigen::Isometry3d seen =
+          PoseOf(0.3 * Normals(), {Uniform(0.3), Uniform(0.2), 1.1 + Uniform(0.3)});
+      const Eigen::Isometry3d link = camera_pose.inverse() * seen * board_pose.inverse();
+      pairs.push_back({on_flange ? link.inverse() : link, seen * Noise()});
     }
   }
 
@@ -31,7 +43,17 @@ class Pairs {
   Eigen::Isometry3d board_pose;
   std::vector<PosePair> pairs;
 
+  // Again at the robot's pose of a pair.
+  PosePair Repeated(size_t pair) {
+    PosePair again = pairs[pair];
+    again.camera_from_board = again.camera_from_board * PoseOf(1e-4 * Normals(), 1e-4 * Normals());
+    return again;
+  }
+
  private:
+  double Uniform(double most) {
+    return std::uniform_real_distribution<double>(-most, most)(random_);
+  }
   Eigen::Vector3d Normals() { return {normal_(random_), normal_(random_), normal_(random_)}; }
   static Eigen::Isometry3d PoseOf(const Eigen::Vector3d& turn, const Eigen::Vector3d& shift) {
     Eigen::Isometry3d pose(Eigen::Translation3d{shift});
@@ -48,16 +70,16 @@ class Pairs {
 };
 
 std::string RefusalOfPairs(const std::vector<PosePair>& pairs, bool on_flange) {
-  return std::string(SolvePosePairs(pairs, on_flange).status().message());
+  return std::string(SolvePosePairs(pairs, ViewOf(on_flange)).status().message());
 }
 
 TEST(PosePairs, GiveTheCameraAsExactlyAsTheySay) {
-  constexpr unsigned kRuns = 15;
+  constexpr unsigned kRuns = 40;
   double chi2 = 0;
   for (const bool on_flange : {false, true}) {
     for (unsigned seed = 1; seed <= kRuns; ++seed) {
-      const Pairs truth(seed, 25, on_flange);
-      const auto solution = SolvePosePairs(truth.pairs, on_flange);
+      const Pairs truth(on_flange ? 1000 + seed : seed, 25, on_flange);
+      const auto solution = SolvePosePairs(truth.pairs, ViewOf(on_flange));
       ASSERT_TRUE(solution.ok()) << seed << ": " << solution.status();
       const Eigen::Isometry3d off = truth.camera_pose.inverse() * solution->camera_pose;
       Eigen::Matrix<double, 6, 1> error;
@@ -75,7 +97,7 @@ TEST(PosePairs, GiveTheCameraAsExactlyAsTheySay) {
 TEST(PosePairs, AWrongPairIsLeftOut) {
   Pairs truth(3);
   truth.pairs[7].camera_from_board.translation().x() += 0.05;
-  const auto solution = SolvePosePairs(truth.pairs, false);
+  const auto solution = SolvePosePairs(truth.pairs, ViewOf(false));
   ASSERT_TRUE(solution.ok()) << solution.status();
   for (size_t i = 0; i < truth.pairs.size(); ++i) {
     EXPECT_EQ(solution->residuals[i].outlier, i == 7) << i;
@@ -97,6 +119,54 @@ TEST(PosePairs, OfTheOtherMountOrInvertedAreRefusedWithTheReason) {
     shifted[i].camera_from_board = shifted[i + 1].camera_from_board;
   }
   EXPECT_THAT(RefusalOfPairs(shifted, false), HasSubstr("belongs to its robot pose"));
+}
+
+// They fit each other as well as right ones; the camera tells.
+TEST(PosePairs, ExchangedOrBothInvertedAreRefusedWithTheReason) {
+  for (const bool on_flange : {false, true}) {
+    for (unsigned seed = 1; seed <= 5; ++seed) {
+      const std::vector<PosePair> right = Pairs(seed, 25, on_flange).pairs;
+      std::vector<PosePair> exchanged = right;
+      std::vector<PosePair> inverted = right;
+      for (PosePair& pair : exchanged) std::swap(pair.base_from_flange, pair.camera_from_board);
+      for (PosePair& pair : inverted) {
+        pair = {pair.base_from_flange.inverse(), pair.camera_from_board.inverse()};
+      }
+      EXPECT_THAT(RefusalOfPairs(exchanged, on_flange),
+                  HasSubstr("the robot's poses and the board's exchanged they do"))
+          << seed;
+      EXPECT_THAT(RefusalOfPairs(inverted, on_flange), HasSubstr("both poses inverted they do"))
+          << seed;
+    }
+  }
+}
+
+TEST(PosePairs, AtOnePoseOfTheRobotCountOnce) {
+  Pairs truth(4, 10);
+  const auto once = SolvePosePairs(truth.pairs, ViewOf(false));
+  ASSERT_TRUE(once.ok()) << once.status();
+  for (int i = 0; i < 40; ++i) truth.pairs.push_back(truth.Repeated(9));
+  const auto often = SolvePosePairs(truth.pairs, ViewOf(false));
+  ASSERT_TRUE(often.ok()) << often.status();
+  EXPECT_EQ(often->robot_poses, 10u);
+  EXPECT_EQ(often->residuals.size(), 50u);
+  EXPECT_NEAR(std::sqrt(often->covariance.trace() / once->covariance.trace()), 1, 0.15);
+  const std::vector<PosePair> few(truth.pairs.begin() + 6, truth.pairs.end());
+  EXPECT_THAT(RefusalOfPairs(few, false),
+              HasSubstr("only 4 pairs of poses at different poses of the robot, of 44"));
+}
+
+TEST(PosePairs, OfABoardOfAnotherSizeNameIt) {
+  Pairs truth(6);
+  for (PosePair& pair : truth.pairs) pair.camera_from_board.translation() *= 1.03;
+  EXPECT_THAT(RefusalOfPairs(truth.pairs, false), HasSubstr("measure 97."));
+  const auto found = SolvePosePairs(truth.pairs, ViewOf(false), SizeTrust::kFound);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_NEAR(found->size, 1 / 1.03, 0.003);
+  EXPECT_LT((truth.camera_pose.inverse() * found->camera_pose).translation().norm(), 0.005);
+  const auto stated = SolvePosePairs(truth.pairs, ViewOf(false), SizeTrust::kStated);
+  ASSERT_TRUE(stated.ok()) << stated.status();
+  EXPECT_THAT(stated->warning, HasSubstr("measure 97."));
 }
 
 TEST(PosePairs, TooFewOrOnlyOneAxisAreRefused) {
