@@ -13,6 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "calib/files/camera_file.h"
+#include "calib/intrinsics/lens_doubts.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
@@ -230,7 +231,15 @@ absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
       SolveLenses(input.cameras, input.boards, input.sightings, arguments.settings);
   if (!solution.ok()) {
     const ExitCode code = Report("silhouette-calibrate", solution.status());
+    const std::string wrong = WrongGaps(input.boards, input.sightings);
+    if (!wrong.empty()) std::cerr << "silhouette-calibrate: " << wrong << std::endl;
     return absl::IsFailedPrecondition(solution.status()) ? kNo : code;
+  }
+  if (const absl::Status fit =
+          CheckFit(input.cameras, input.boards, input.sightings, arguments.settings, *solution);
+      !fit.ok()) {
+    Report("silhouette-calibrate", fit);
+    return kNo;
   }
   if (solution->groups.size() > 1 && !arguments.unconnected && arguments.settings.simultaneous) {
     Report("silhouette-calibrate",

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/intrinsics/lens_doubts.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <map>
+#include <random>
+#include <utility>
+
+#include "tests/calib/intrinsics/synthetic_boards.h"
+
+namespace silhouette {
+namespace {
+
+using testing::HasSubstr;
+
+Board AprilGridWithGap(double gap) {
+  return Board({.name = "grid",
+                .family = "tag36h11b2",
+                .rows = 4,
+                .columns = 4,
+                .tag_size = 0.08,
+                .gap = gap * 0.08,
+                .from_bottom = true});
+}
+
+// Frames of one camera, called `prefix` and their number.
+std::vector<TagSighting> SeenBy(const CameraModel& camera, const Board& board, int frames,
+                                const std::string& prefix, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<TagSighting> sightings;
+  const BoardMotion motion{.frames = frames, .spread = 0.35};
+  for (int i = 0; i < frames; ++i) {
+    AddSightings({camera}, board, RandomBoardPose(random, board, motion), prefix + FrameName(i),
+                 0.02, random, sightings);
+  }
+  return sightings;
+}
+
+absl::Status FitOf(const Board& board, const std::vector<TagSighting>& sightings) {
+  const std::vector<LensCamera> cameras = LensCamerasOf(CamerasOnAnArc(1));
+  const auto solution = SolveLenses(cameras, {board}, sightings);
+  if (!solution.ok()) return solution.status();
+  return CheckFit(cameras, {board}, sightings, {}, *solution);
+}
+
+TEST(LensDoubts, AnotherGapBetweenTagsIsNamed) {
+  const auto sightings = SeenBy(CamerasOnAnArc(1)[0], AprilGridWithGap(0.3), 20, "", 1);
+  EXPECT_EQ(WrongGaps({AprilGridWithGap(0.3)}, sightings), "");
+  EXPECT_THAT(WrongGaps({AprilGridWithGap(0.25)}, sightings),
+              HasSubstr("about 0.30 of a tag (24 mm), not 0.25 (20 mm)"));
+  EXPECT_TRUE(FitOf(AprilGridWithGap(0.3), sightings).ok());
+  EXPECT_FALSE(FitOf(AprilGridWithGap(0.25), sightings).ok());
+}
+
+TEST(LensDoubts, APrintThatIsOffByTenthsOfAPixelIsTaken) {
+  const Board board = LatticeBoard();
+  std::vector<TagSighting> sightings = SeenBy(CamerasOnAnArc(1)[0], board, 30, "", 4);
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal(0, 0.5);
+  std::map<std::pair<int, size_t>, Eigen::Vector2d> print;
+  for (TagSighting& seen : sightings) {
+    for (size_t i = 0; i < seen.corners.size(); ++i) {
+      const auto [shift, added] =
+          print.emplace(std::pair(seen.tag, i), Eigen::Vector2d(normal(random), normal(random)));
+      seen.corners[i] += shift->second;
+    }
+  }
+  EXPECT_TRUE(FitOf(board, sightings).ok()) << FitOf(board, sightings);
+}
+
+}  // namespace
+}  // namespace silhouette
