@@ -12,7 +12,9 @@
 namespace silhouette {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 Board AprilGridWithGap(double gap) {
   return Board({.name = "grid",
@@ -51,6 +53,22 @@ TEST(LensDoubts, AnotherGapBetweenTagsIsNamed) {
               HasSubstr("about 0.30 of a tag (24 mm), not 0.25 (20 mm)"));
   EXPECT_TRUE(FitOf(AprilGridWithGap(0.3), sightings).ok());
   EXPECT_FALSE(FitOf(AprilGridWithGap(0.25), sightings).ok());
+}
+
+TEST(LensDoubts, ImagesOfAnotherCameraAmongThemAreNamed) {
+  const Board board = LatticeBoard();
+  const CameraModel camera = CamerasOnAnArc(1)[0];
+  CameraIntrinsics other = camera.intrinsics();
+  other.fx *= 1.1;
+  other.fy *= 1.1;
+  other.cx -= 60;
+  other.distortion[0] += 0.1;
+  std::vector<TagSighting> sightings = SeenBy(camera, board, 20, "a", 2);
+  const auto others = SeenBy(CameraModel(other, camera.camera_from_world()), board, 20, "b", 3);
+  sightings.insert(sightings.end(), others.begin(), others.end());
+  EXPECT_THAT(FitOf(board, sightings).message(),
+              AllOf(HasSubstr("of another camera, zoom or focus"), HasSubstr("b" + FrameName(3)),
+                    Not(HasSubstr("a" + FrameName(3)))));
 }
 
 TEST(LensDoubts, APrintThatIsOffByTenthsOfAPixelIsTaken) {

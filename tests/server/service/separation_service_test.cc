@@ -81,7 +81,7 @@ TEST_F(SeparationServiceTest, ReactionCountsTheAgeOfTheImageUntilTheNextReply) {
   ASSERT_EQ(told.protective_distances.size(), 2u);
   const double reaction = absl::ToDoubleSeconds(told.image_age) + 0.1;
   EXPECT_NEAR(told.protective_distances[1], 1.6 * (reaction + 0.3), 1e-9);
-  EXPECT_EQ(told.LevelNow() == told.level, std::chrono::steady_clock::now() < told.valid_until);
+  EXPECT_EQ(told.LevelNow() == told.level, client::RunningClock::now() < told.valid_until);
 }
 
 TEST_F(SeparationServiceTest, WithoutADirectionWhatTheRobotMovesUntilItStandsCounts) {
