@@ -44,8 +44,8 @@ PixelCorners CornersOf(const apriltag_detection_t& detection) {
   return corners;
 }
 
-// The squares that Kalibr prints touch its tags' corners. Where bright areas are grown by so many
-// pixels they come apart, at more blur by more.
+// The squares that Kalibr prints touch its tags' corners. They come apart where bright areas
+// are grown by a pixel, at more blur by two.
 constexpr int kMostGrown = 2;
 
 cv::Mat Grown(const cv::Mat& image, int pixels) {
@@ -134,16 +134,15 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
                       .tag = detection->id,
                       .corners = {corners.begin(), corners.end()}};
       tag.size = MeanSide(corners);
-      if (const auto fitted = FitCorners(image, lens, corners, module)) {
-        blurs.push_back(fitted->blur);
-        if (module > kLeastModuleInBlurs * fitted->blur) {
-          tag.fitted = true;
-          tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
-          tag.sigma = fitted->sigma;
-          tag.blur = fitted->blur;
-        }
+      const auto fitted = FitCorners(image, lens, corners, module);
+      if (fitted && module > kLeastModuleInBlurs * fitted->blur) {
+        tag.fitted = true;
+        tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
+        tag.sigma = fitted->sigma;
+        tag.blur = fitted->blur;
       }
       if (grown > 0 && !tag.fitted) continue;
+      if (fitted) blurs.push_back(fitted->blur);
       modules.push_back(module);
       tags.push_back(std::move(tag));
     }

@@ -24,7 +24,7 @@ constexpr double kDoubtedRms = 0.2 / 640;
 constexpr double kRefusedRms = 1.0 / 640;  // shares of the image's width
 constexpr double kOtherGap = 0.03;         // of a tag; distortion takes a third of it
 constexpr size_t kLeastNeighbours = 20;
-// Two lenses explain what one does not if each is off by so many times less.
+// Two lenses explain what one does not if each is off by a third of it or less.
 constexpr double kExplains = 3;
 
 using Corners = std::array<Eigen::Vector2d, 4>;

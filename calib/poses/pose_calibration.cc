@@ -105,8 +105,8 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
   ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, fit));
   if (!misfits.doubts.empty() && !problem.accept_doubts) {
-    return FailedPrecondition(absl::StrJoin(misfits.doubts, "; "), "; --accept-doubts has the ",
-                              "poses all the same");
+    return FailedPrecondition(absl::StrJoin(misfits.doubts, "; "), "; 'silhouette-calibrate poses ",
+                              "--accept-doubts' finds the poses nevertheless");
   }
   const NoiseFactors factors = noise.Factors(statistics);
   RETURN_IF_ERROR(CheckNoise(bundle, factors));

@@ -32,8 +32,8 @@ constexpr double kAsLikely = 40;
 // Terms of a lens that its model may lack, and the chi2 that chance does not give them.
 constexpr int kLensTerms = 4;
 constexpr double kLensChance = 60;
-// Missing at a corner, of the image's width: mentioned, and refused where it moves the workspace by
-// so many metres.
+// Missing at a corner, of the image's width: mentioned; and refused, where it moves the workspace
+// by kRefusedLensShift, metres.
 constexpr double kMentionedLens = 3e-4;
 constexpr double kRefusedLens = 1e-3;
 constexpr double kRefusedLensShift = 1e-3;
@@ -136,7 +136,9 @@ class Misfits {
   }
 
   absl::StatusOr<PoseMisfits> Find() {
-    ASSIGN_OR_RETURN(linear_, LinearBundle::Of(bundle_));
+    auto linear = LinearBundle::Of(bundle_);
+    if (!linear.ok()) return PoseMisfits();  // what was left out does not fit in
+    linear_ = *std::move(linear);
     FindLens();
     // What a lens lacks looks like motion where the robot drives from side to side.
     if (found_.doubts.empty()) FindMotion();

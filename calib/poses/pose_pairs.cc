@@ -37,8 +37,8 @@ constexpr double kMedianOfThree = 1.538;
 // Shares of the boards that lie in the image: of pairs that are meant so, and at least.
 constexpr double kMeantSo = 0.9;
 constexpr double kLeastInImage = 0.5;
-// What is on the flange is nearer to it (metres), or at least not so much farther from it than what
-// stands is from the base.
+// Metres from the flange to what is on it, and how many times as far as from the base to what
+// stands: with both, poses were inverted.
 constexpr double kFarFromFlange = 1;
 constexpr double kMuchFarther = 3;
 // As in the checks of boards' sizes by corners.
@@ -339,7 +339,13 @@ absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& state
   const bool certain =
       Badness(sized) < 1 && sized->size > 0.5 && sized->size < 2 &&
       std::abs(sized->size - 1) > std::max(kSizeMentioned, kSizeCertain * sized->size_sigma);
-  if (!certain) return *stated;
+  if (!certain && Badness(stated) < 1) return *stated;
+  if (!certain) {
+    return FailedPrecondition(absl::StrFormat(
+        "has pairs of poses that fit only if the distances of its boards are %.3g times as large; "
+        "see that all poses are in metres, and measure the print",
+        sized->size));
+  }
   const std::string what = absl::StrFormat(
       "has boards that measure %.2f %% (+- %.2g) of what their poses are reckoned with, by the "
       "motion of the robot: measure the print; if it is right, the robot's positions or the lens's "
@@ -356,7 +362,8 @@ absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& state
     return kept;
   }
   return FailedPrecondition(
-      what, "; --trust-size found takes them so, --trust-size stated keeps the size stated");
+      what, "; --trust-size found takes them so",
+      trust == SizeTrust::kNeither ? ", --trust-size stated keeps the size stated" : "");
 }
 
 }  // namespace

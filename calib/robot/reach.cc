@@ -353,6 +353,7 @@ class BeyondFinder {
   std::vector<LinkBeyond> FarthestOfSample() {
     constexpr double kConfigurations = 5000;
     const size_t joints = moving_.size();
+    if (joints == 0) return {};
     const int count = std::max(2, static_cast<int>(std::pow(kConfigurations, 1.0 / joints)));
     std::vector<LinkBeyond> farthest(balls_.size() * kFaces);
     std::vector<int> at(joints, 0);

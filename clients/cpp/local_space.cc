@@ -90,7 +90,10 @@ class LocalSpace::Impl {
 
   MotionVerdict Ask(const std::vector<Configuration>& motion, double path_resolution) const {
     const auto path = client_.CheckPath(motion, options_.policy, Clearance::kOmit, path_resolution);
-    if (!path.ok()) return UnknownMotion(ReasonOfEnd(path.status()), motion.front());
+    if (!path.ok()) {
+      const bool lost = ReasonOfEnd(path.status()) == Reason::kConnectionLost;
+      return UnknownMotion(lost ? Reason::kConnectionLost : Reason::kRefused, motion.front());
+    }
     MotionVerdict verdict = UnknownMotion(path->verdict.reason, path->configuration);
     verdict.state = path->verdict.state;
     verdict.checked = path->checked;

@@ -123,7 +123,10 @@ Words WordsFor(Reason reason) {
       return {"not checked here",
               "LocalSpace cannot check that by itself: see its status, or ask the server"};
     case Reason::kRefused:
-      return {"refused", "the server refuses what is asked: the status of LocalSpace says why"};
+      return {
+          "refused",
+          "the server refuses what is asked; if it is the subscription, the status of LocalSpace "
+          "says why"};
   }
   return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }

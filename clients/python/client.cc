@@ -21,8 +21,9 @@ using Joints = std::map<std::string, double>;
 
 // `seconds`: of Python's time.monotonic(), which stands still while the computer sleeps.
 Clock::time_point MonotonicTime(double seconds) {
+  const Clock::time_point now = Clock::now();  // first: a pause makes the image older, no younger
   const auto monotonic = std::chrono::steady_clock::now().time_since_epoch();
-  return Clock::now() - (monotonic - absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
+  return now - (monotonic - absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
 }
 
 client::Clearance Measured(bool clearance) {
@@ -296,7 +297,9 @@ void BindReports(py::class_<Client>& type) {
           "views: view to the bytes of a PNG or JPEG camera image, or to a (height, width) bool "
           "mask of all that differs from the empty cell.\n"
           "obstacles: view to a (height, width) bool mask of the obstacles without the robot.\n"
-          "taken: a time.monotonic() not later than the capture, seconds; None: the call.")
+          "taken: a time.monotonic() not later than the capture, seconds; not of before the "
+          "computer "
+          "slept, as that clock stands still meanwhile. None: the call.")
       .def(
           "get_scene",
           [](const Client& at, uint64_t id, bool with_planes) {

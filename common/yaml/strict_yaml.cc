@@ -157,8 +157,7 @@ double YamlNode::AsLengthUpTo(double most, const std::string& why) const {
     return text.str();
   };
   Fail("that is " + number(length) + " m; at most " + number(most) + " m is expected: " + why +
-       "; without a unit it is metres, write others as '" + number(length) + " cm' or '" +
-       number(length) + " mm'");
+       "; a number without a unit is in metres, others are written as '35 cm' or '350 mm'");
 }
 
 double YamlNode::AsPositiveLengthUpTo(double most, const std::string& why) const {

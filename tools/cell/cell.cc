@@ -203,13 +203,20 @@ std::vector<std::string> Doubts(const Cell& cell) {
   const auto long_time = [&](const std::string& key, absl::Duration time,
                              const std::string& consequence) {
     doubts.push_back(absl::StrFormat(
-        "server: %s: free verdicts may rest on images %s %s; write '%g ms' if milliseconds are "
-        "meant",
-        key, SpokenTime(time), consequence, absl::ToDoubleSeconds(time)));
+        "server: %s: free verdicts may rest on images %s %s; a number without a unit is in "
+        "seconds, milliseconds are written as '500 ms'",
+        key, SpokenTime(time), consequence));
   };
   if (scene.max_age > kOld) long_time("max_age", scene.max_age, "old");
   if (scene.max_skew > kApart) {
     long_time("max_skew", scene.max_skew, "apart, between which people move");
+  }
+  constexpr double kPerson = 0.25;
+  if (cell.sound && cell.sound->least_obstacle > kPerson) {
+    doubts.push_back(absl::StrFormat(
+        "sound: least_obstacle: %.2g m is a radius: people are 0.3 to 0.5 m thick, and are missed "
+        "where the robot hides them; state 0.15 or less",
+        cell.sound->least_obstacle));
   }
   constexpr double kOfChord = 1.05;  // grid_move is along the arc, max_move along its chord
   if (cell.grid_move > kOfChord * kMostMove) {

@@ -72,7 +72,8 @@ absl::StatusOr<std::vector<std::string>> MisplacedViews(const Cell& cell,
         "view '%s': the robot in its captured images is not where calibration and URDF have it: "
         "they have %.0f %% of the drawn pixels and %.0f %% of the captured ones in common; check "
         "the frame and the unit of the calibration's poses, that each camera model is of its own "
-        "view, and the joint values that the robot reported",
+        "view, and the joint values that the robot reported; if something stands before the robot, "
+        "or the URDF lacks its tool, lower 'first_look: least_overlap'",
         cell.views[view].name, drawn > 0 ? 100 * common / drawn : 0,
         captured > 0 ? 100 * common / captured : 0));
   }

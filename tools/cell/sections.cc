@@ -24,7 +24,7 @@ double JointTolerance(const YamlNode& node) {
   return tolerance;
 }
 
-// Greater obstacles than this radius are not people.
+// A radius; only a slip of the unit is beyond the limit.
 double LeastObstacle(const YamlNode& node) {
   return node.AsPositiveLengthUpTo(
       1, "people are 0.3 to 0.5 m thick, and what is smaller than stated is not found");

@@ -94,7 +94,7 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string file, ReadWholeFile(path));
   if (IsCutOff(file)) {
     return InvalidArgument("'", path,
-                           "' stops in the middle of its image; copy it again, or remove it");
+                           "' was cut off: its image has no end; copy it again, or remove it");
   }
   cv::Mat image =
       cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);

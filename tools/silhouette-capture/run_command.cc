@@ -33,6 +33,10 @@ struct RunOptions {
   bool no_report = false;
 };
 
+void TellDoubts(const Cell& cell) {
+  for (const std::string& doubt : Doubts(cell)) std::cerr << doubt << std::endl;
+}
+
 absl::StatusOr<ExitCode> DryRun(const RunOptions& options, const CellFile& file,
                                 const Travel& travel) {
   const auto database = OpenDatabase(file, Database::Access::kRead);
@@ -41,6 +45,7 @@ absl::StatusOr<ExitCode> DryRun(const RunOptions& options, const CellFile& file,
   ASSIGN_OR_RETURN(const auto plan,
                    MakePlan(options.plan, options.cell, file.cell, travel, stored));
   const DiskRoom room = RoomFor(plan, file, stored);
+  TellDoubts(file.cell);
   if (options.cell.json()) {
     std::cout << PlanJson(plan, room).dump(2) << std::endl;
   } else {
@@ -210,7 +215,6 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
                      "' says that the robot's images are drawn: there is nothing to capture; ",
                      "to capture them, state 'images: captured' of the robot, and a grid"));
   }
-  for (const std::string& doubt : Doubts(file.cell)) std::cerr << doubt << std::endl;
   const Travel travel(file.cell.grid, file.cell.capture.forbidden_regions);
   if (options.dry_run) return DryRun(options, file, travel);
 
@@ -248,6 +252,7 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
   ASSIGN_OR_RETURN(
       SessionLog log,
       SessionLog::Open(options.log.empty() ? BesideDatabase(file.database, ".log") : options.log));
+  TellDoubts(file.cell);
   const DiskRoom room = RoomFor(plan, file, database->get());
   if (!room.Suffices(plan)) std::cerr << TooLittleRoom(plan, room) << std::endl;
   WriteBegin(options, file, plan, room, log);

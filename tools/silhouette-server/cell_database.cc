@@ -370,8 +370,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
                      "', or serve it with --unverified if you know it"));
   }
   LogLoaded(**served, path);
-  ASSIGN_OR_RETURN(const auto misplaced, MisplacedViews(cell, *database));
-  for (const std::string& sentence : misplaced) spdlog::warn("{}", sentence);
+  if (const auto misplaced = MisplacedViews(cell, *database); misplaced.ok()) {
+    for (const std::string& sentence : *misplaced) spdlog::warn("{}", sentence);
+  } else {
+    spdlog::warn("whether views show the robot where calibration and URDF have it is not known: {}",
+                 std::string(misplaced.status().message()));
+  }
   LogRobotImages(**served, path, load);
   if (load.drawn) LogDrawn(**served, *load.drawn->robot);
   if (sound) LogSound(**served, cell);

@@ -126,7 +126,6 @@ TEST(PoseAccuracy, ErrorsThatCornersOfAnImageShareMakePosesAsUncertainAsTheyAre)
   EXPECT_GT(Mean(errors.chi2) / 6, 0.7);
 }
 
-// A view saw its board only in two of three frames above: here in each of thirty.
 TEST(PoseAccuracy, FramesAtOnePoseOfTheRobotShareItsError) {
   PoseRig rig(5);
   rig.AddFlangeBoard();
@@ -156,6 +155,7 @@ TEST(PoseAccuracy, FramesAtOnePoseOfTheRobotShareItsError) {
   }
 }
 
+// A view saw its board only in two of three frames above: here in each of thirty.
 TEST(PoseAccuracy, ThirtySightingsByOneView) {
   const Errors errors = ErrorsOf(10, [](unsigned seed) {
     PoseRig rig(seed, 1);

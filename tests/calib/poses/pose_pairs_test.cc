@@ -169,6 +169,17 @@ TEST(PosePairs, OfABoardOfAnotherSizeNameIt) {
   EXPECT_THAT(stated->warning, HasSubstr("measure 97."));
 }
 
+TEST(PosePairs, ThatFitOnlyWithOtherDistancesOfTheBoardsAreRefused) {
+  for (const double factor : {2.5, 0.4, 0.001}) {
+    Pairs truth(6);
+    for (PosePair& pair : truth.pairs) pair.camera_from_board.translation() *= factor;
+    for (const SizeTrust trust : {SizeTrust::kNeither, SizeTrust::kStated, SizeTrust::kFound}) {
+      const auto solution = SolvePosePairs(truth.pairs, ViewOf(false), trust);
+      EXPECT_EQ(solution.status().code(), absl::StatusCode::kFailedPrecondition) << factor;
+    }
+  }
+}
+
 TEST(PosePairs, TooFewOrOnlyOneAxisAreRefused) {
   EXPECT_THAT(RefusalOfPairs(Pairs(1, 4).pairs, false), HasSubstr("only 4 pairs"));
   Pairs turned(1, 10);

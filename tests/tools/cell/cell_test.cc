@@ -543,7 +543,7 @@ std::string TwoJoints(const std::string& in_robot, const std::string& grid,
 }
 
 TEST(Cell, LengthsInMillimetresOrCentimetresWithoutTheirUnitAreRefused) {
-  const std::string metres = "without a unit it is metres";
+  const std::string metres = "a number without a unit is in metres";
   const auto grid = [](const std::string& max_move) {
     return TwoJoints("", "max_move: " + max_move, "");
   };
@@ -579,9 +579,14 @@ TEST(Cell, LongTimesAndWideStepsAreDoubted) {
   EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + server)), ElementsAre());
   EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + "server: {max_age: 500, max_skew: 50}\n")),
               ElementsAre(HasSubstr("max_age: free verdicts may rest on images 8 min 20 s old; "
-                                    "write '500 ms' if milliseconds are meant"),
+                                    "a number without a unit is in seconds"),
                           HasSubstr("max_skew: free verdicts may rest on images 50 s apart")));
   EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", ""))), ElementsAre());
+  const std::string sound =
+      "workspace: {lower: [-1.8, -1.8, 0], upper: [1.8, 1.8, 2.4]}\nsound: {least_obstacle: ";
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", sound + "0.25}\n"))), ElementsAre());
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", sound + "0.3}\n"))),
+              ElementsAre(HasSubstr("least_obstacle: 0.3 m is a radius")));
   EXPECT_THAT(Doubts(*Load(TwoJoints("", "steps: {joint_1: 8, joint_3: 8}", ""))),
               ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
 }

@@ -215,7 +215,7 @@ TEST_F(DetectProgram, AJpegThatIsCutOffIsRefusedByItsName) {
   ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
   fs::resize_file(folder_ / "left/1.jpg", fs::file_size(folder_ / "left/1.jpg") * 6 / 10);
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
-  EXPECT_THAT(err_, HasSubstr("1.jpg' stops in the middle of its image"));
+  EXPECT_THAT(err_, HasSubstr("1.jpg' was cut off"));
 }
 
 TEST_F(DetectProgram, MistakesAreOneSentence) {

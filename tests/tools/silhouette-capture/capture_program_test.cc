@@ -333,11 +333,10 @@ TEST_F(CaptureProgram, CheckNamesViewsWhoseImagesShowTheRobotElsewhereThanTheCal
   std::filesystem::rename(models + "/other", models + "/front.cameramodel");
   shell("silhouette-db calibration import --force " + cell_.database() + " " + models);
   const Outcome checked = cell_.Run(cell_.Arguments("check"));
-  EXPECT_EQ(checked.exit_code, 1);
   for (const char* view : {"top", "front"}) {
     EXPECT_THAT(
         checked.out,
-        HasSubstr(std::string("FAULT  calibration: view '") + view +
+        HasSubstr(std::string("NOTE   calibration: view '") + view +
                   "': the robot in its captured images is not where calibration and URDF have it"));
   }
 }

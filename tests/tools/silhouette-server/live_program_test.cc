@@ -145,7 +145,7 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
 
 TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
   const auto log_with = [&](const std::string& max_age) {
-    const std::string file = *cell / "latency.yaml";
+    const std::string file = *cell / "stream.yaml";
     WriteText(file,
               absl::StrReplaceAll(
                   ReadText(cell->cell()),

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "calib/robot/drawing/convex_outline.h"
+#include "tests/calib/robot/drawing/random_views.h"
 #include "tests/random.h"
 
 namespace silhouette {
