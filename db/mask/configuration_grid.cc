@@ -194,7 +194,8 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
   }
   const double last = joint.continuous ? joint.steps : joint.steps - 1;
   if (!(place >= -kSnap && place <= last + kSnap)) return std::nullopt;  // NaN: too many turns away
-  const double nearest = static_cast<int>(place + 0.5);
+  const int below = static_cast<int>(place);
+  const double nearest = place - below > 0.5 ? below + 1 : below;
   if (std::abs(place - nearest) <= kSnap) return nearest;
   return place;
 }
