@@ -143,6 +143,8 @@ class WatchWriter : public grpc::ServerWriteReactor<grpc::ByteBuffer>,
     message_.Clear();
     more_ = NextPart(message_);
     WriteMessage(message_, &bytes_);
+    lock.lock();  // so that who goes on after the write sees all of this
+    lock.unlock();
     this->StartWrite(&bytes_);
   }
 
