@@ -297,9 +297,8 @@ void BindReports(py::class_<Client>& type) {
           "views: view to the bytes of a PNG or JPEG camera image, or to a (height, width) bool "
           "mask of all that differs from the empty cell.\n"
           "obstacles: view to a (height, width) bool mask of the obstacles without the robot.\n"
-          "taken: a time.monotonic() not later than the capture, seconds; not of before the "
-          "computer "
-          "slept, as that clock stands still meanwhile. None: the call.")
+          "taken: a time.monotonic() not later than the capture, seconds; the computer must "
+          "not have slept since, as that clock stands still then. None: the call.")
       .def(
           "get_scene",
           [](const Client& at, uint64_t id, bool with_planes) {

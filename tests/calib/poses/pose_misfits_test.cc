@@ -20,10 +20,6 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-std::string DoubtOf(const PoseProblem& problem) {
-  return std::string(CalibratePoses(problem).status().message());
-}
-
 // `change` is called before the frame `at` of 30.
 PoseRig ChangingRig(unsigned seed, int cameras, int at, const std::function<void(PoseRig&)>& change,
                     double print_sigma = 0) {
@@ -38,7 +34,7 @@ PoseRig ChangingRig(unsigned seed, int cameras, int at, const std::function<void
   return rig;
 }
 
-// The camera's centre moves by so much along its image.
+// The camera's centre moves along its image.
 std::function<void(PoseRig&)> PushedCamera(size_t camera, double metres) {
   return [=](PoseRig& rig) {
     rig.camera_poses[camera] = Eigen::Translation3d(metres, 0, 0) * rig.camera_poses[camera];
@@ -50,7 +46,7 @@ TEST(PoseMisfits, ALensWithoutItsDistortionIsRefused) {
     for (const int cameras : {1, 3}) {
       PoseRig rig = FlangeRig(seed, cameras);
       rig.problem.views[0].lens.distortion = {};
-      EXPECT_THAT(DoubtOf(rig.problem),
+      EXPECT_THAT(Refusal(rig.problem),
                   AllOf(HasSubstr("lens model of view 'camera0' does not fit (it states no dist"),
                         HasSubstr("intrinsics"), Not(HasSubstr("moved"))))
           << seed << ", " << cameras;
@@ -82,7 +78,7 @@ TEST(PoseMisfits, WhatALensThatIsOffCostsIsInThePredictedError) {
 TEST(PoseMisfits, ACameraThatMovedIsRefusedWithItsNameAndFrame) {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     for (const int at : {10, 15}) {
-      const std::string refusal = DoubtOf(ChangingRig(seed, 3, at, PushedCamera(1, 3e-3)).problem);
+      const std::string refusal = Refusal(ChangingRig(seed, 3, at, PushedCamera(1, 3e-3)).problem);
       EXPECT_THAT(refusal, HasSubstr("view 'camera1' moved")) << seed << ", " << at;
       int frame = 0;
       double millimetres = 0;
@@ -102,7 +98,7 @@ TEST(PoseMisfits, ACameraThatMovedIsRefusedWithItsNameAndFrame) {
 TEST(PoseMisfits, ACameraThatMovedIsFoundWithoutOthers) {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     const PoseRig rig = ChangingRig(seed, 1, 15, PushedCamera(0, 4e-3));
-    EXPECT_THAT(DoubtOf(rig.problem), HasSubstr("view 'camera0'")) << seed;
+    EXPECT_THAT(Refusal(rig.problem), HasSubstr("view 'camera0'")) << seed;
   }
 }
 
@@ -111,7 +107,7 @@ TEST(PoseMisfits, ABoardThatSlippedIsRefusedWithItsName) {
     const PoseRig rig = ChangingRig(seed, 3, 12, [](PoseRig& slips) {
       slips.board_poses[0].translate(Eigen::Vector3d(3e-3, 0, 0));
     });
-    EXPECT_THAT(DoubtOf(rig.problem), AllOf(HasSubstr("the board 'flange' moved"),
+    EXPECT_THAT(Refusal(rig.problem), AllOf(HasSubstr("the board 'flange' moved"),
                                             HasSubstr("'frame112'"), Not(HasSubstr("camera"))))
         << seed;
   }
@@ -119,7 +115,7 @@ TEST(PoseMisfits, ABoardThatSlippedIsRefusedWithItsName) {
 
 TEST(PoseMisfits, DoubtsCanBeAccepted) {
   PoseRig rig = ChangingRig(1, 3, 15, PushedCamera(1, 3e-3));
-  EXPECT_THAT(DoubtOf(rig.problem), HasSubstr("--accept-doubts"));
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("--accept-doubts"));
   rig.problem.accept_doubts = true;
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
   ASSERT_TRUE(solution.ok()) << solution.status();

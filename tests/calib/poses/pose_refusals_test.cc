@@ -21,11 +21,6 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-// The message of a refusal; empty if there is a solution.
-std::string Refusal(const PoseProblem& problem) {
-  return std::string(CalibratePoses(problem).status().message());
-}
-
 std::vector<std::string> Warnings(const PoseProblem& problem) {
   const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
   EXPECT_TRUE(solution.ok()) << solution.status();

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_problem.h"
 
 namespace silhouette {
@@ -238,6 +239,11 @@ inline PoseRig HeldBoardRig(unsigned seed, int held_frames) {
   });
   rig.Hold(1, held_frames);
   return rig;
+}
+
+// The message of a refusal; empty if there is a solution.
+inline std::string Refusal(const PoseProblem& problem) {
+  return std::string(CalibratePoses(problem).status().message());
 }
 
 // What a solved pose is off: measured^-1 * true as rotation vector and translation.
