@@ -192,14 +192,12 @@ int AwaitReader(const std::string& fifo) {
 }
 
 TEST_F(ServerProgramTest, EndsAtOnceWithZeroWhileItStillLoads) {
-  GiveModelAndCameras("", "");
-  // A model whose end never comes.
-  const std::string endless = folder / "robot.urdf";
-  std::filesystem::remove(endless);
-  ASSERT_EQ(mkfifo(endless.c_str(), 0600), 0);
+  // A cell file whose end never comes.
+  std::filesystem::remove(cell);
+  ASSERT_EQ(mkfifo(cell.c_str(), 0600), 0);
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
-  const int writer = AwaitReader(endless);
+  const int writer = AwaitReader(cell);
   EXPECT_EQ(program.End(SIGTERM), 0);
   EXPECT_EQ(program.Errors(), "");
   close(writer);
