@@ -308,14 +308,18 @@ class BeyondFinder {
  public:
   BeyondFinder(const RobotModel& robot, BodyGeometry geometry, KinematicChain chain,
                std::span<const GridJoint> moving, const JointRegions& forbidden,
-               const Eigen::AlignedBox3d& box)
+               double payload_radius, const Eigen::AlignedBox3d& box)
       : chain_(std::move(chain)), moving_(moving), forbidden_(forbidden), box_(box) {
+    const std::vector<bool> outermost = robot.Outermost();
     for (size_t link = 0; link < robot.links().size(); ++link) {
       bool moves = false;
       for (size_t joint = 0; joint < moving.size(); ++joint) {
         moves = moves || chain_.LeverOf(joint, link, 1) > 0;
       }
       balls_.push_back(moves ? OuterBalls(robot.links()[link], geometry) : std::vector<Ball>());
+      if (!moves || !outermost[link] || payload_radius == 0) continue;
+      balls_[link].push_back({Eigen::Vector3d::Zero(), 0});
+      for (Ball& ball : balls_[link]) ball.radius += payload_radius;
     }
   }
 
@@ -404,16 +408,15 @@ class BeyondFinder {
 
 }  // namespace
 
-absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(const RobotModel& robot,
-                                                         BodyGeometry geometry,
-                                                         std::span<const GridJoint> moving,
-                                                         std::span<const FixedJoint> fixed,
-                                                         const JointRegions& forbidden,
-                                                         const Eigen::AlignedBox3d& box) {
+absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(
+    const RobotModel& robot, BodyGeometry geometry, std::span<const GridJoint> moving,
+    std::span<const FixedJoint> fixed, const JointRegions& forbidden, double payload_radius,
+    const Eigen::AlignedBox3d& box) {
   std::vector<std::string> names;
   for (const GridJoint& joint : moving) names.push_back(joint.name);
   ASSIGN_OR_RETURN(KinematicChain chain, robot.ChainOf(names, fixed));
-  return BeyondFinder(robot, geometry, std::move(chain), moving, forbidden, box).Find();
+  return BeyondFinder(robot, geometry, std::move(chain), moving, forbidden, payload_radius, box)
+      .Find();
 }
 
 }  // namespace silhouette

@@ -51,13 +51,14 @@ struct LinkBeyond {
 
 // How a link leaves `box`, in the base's frame, farthest, while the joints `moving` take any values
 // of their ranges that are not `forbidden`; nothing if none does. Links that none of them moves may
-// be anywhere; tool and payload are not looked at. It is searched from configurations all over the
+// be anywhere. Tool and payload reach `payload_radius` beyond the outermost links. It is searched from configurations all over the
 // ranges: a link may leave it a little farther, never less. InvalidArgument: as Reach().
 absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(const RobotModel& robot,
                                                          BodyGeometry geometry,
                                                          std::span<const GridJoint> moving,
                                                          std::span<const FixedJoint> fixed,
                                                          const JointRegions& forbidden,
+                                                         double payload_radius,
                                                          const Eigen::AlignedBox3d& box);
 
 // How much of space the robot's surface sweeps in a step of each of the joints `moving`: surface

@@ -91,6 +91,10 @@ Words WordsFor(Reason reason) {
     case Reason::kDependsOnWrist:
       return {"depends on wrist",
               "whether the robot is free there depends on its wrist: ask for joint values"};
+    case Reason::kOutsideWorkspace:
+      return {"outside workspace",
+              "the robot reaches beyond the cell's workspace there, where obstacles are not found: "
+              "keep it inside, or enlarge 'workspace' in the cell file"};
     case Reason::kNotInMap:
       return {
           "not in map",

@@ -166,7 +166,10 @@ Verdict CollisionChecker::Judge(Numbers corners, const Between& part,
   if (possible_space_ == nullptr) return JudgeTaken(test_robot, /*grown=*/false, {}, evidence);
   const Cell cell(table_.grid(), corners);
   const Between& places = part.from.empty() ? cell.whole() : part;
-  return JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence);
+  const Verdict verdict = JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence);
+  return verdict.free() && LeavesWorkspace(cell.whole().from, {})
+             ? Verdict::Unknown(Reason::kOutsideWorkspace)
+             : verdict;
 }
 
 Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
@@ -190,7 +193,16 @@ Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, c
   }
   thread_local TestRobot test_robot;
   if (!test_robot.Draw(table_, q, growth)) return Verdict::Unknown(Reason::kInternal);
-  return JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
+  const Verdict verdict = JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
+  return verdict.free() && LeavesWorkspace(q, growth) ? Verdict::Unknown(Reason::kOutsideWorkspace)
+                                                      : verdict;
+}
+
+bool CollisionChecker::LeavesWorkspace(std::span<const double> q, Growth growth) const {
+  if (!workspace_) return false;
+  thread_local std::vector<Eigen::Isometry3d> base_from_link;
+  table_.drawn()->chain().Pose(q, base_from_link);
+  return table_.drawn()->Leaves(*workspace_, base_from_link, growth);
 }
 
 Verdict CollisionChecker::JudgeNode(ConfigurationNumber number,
@@ -323,9 +335,10 @@ State CollisionChecker::StateOf(ConfigurationNumber number) const {
   thread_local TestRobot test_robot;
   const Numbers corners(&number, 1);
   if (!test_robot.Take(table_, corners)) return State::kUnknown;
-  return Occupied(corners, test_robot) ? State::kOccupied
-         : missing_views_ > 0          ? State::kUnknown
-                                       : State::kFree;
+  if (Occupied(corners, test_robot)) return State::kOccupied;
+  const bool unknown =
+      missing_views_ > 0 || (workspace_ && LeavesWorkspace(table_.grid().At(number), {}));
+  return unknown ? State::kUnknown : State::kFree;
 }
 
 bool CollisionChecker::Occupied(Numbers corners, const TestRobot& test_robot) const {

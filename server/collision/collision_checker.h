@@ -18,6 +18,7 @@
 // robot's body too, all nodes do.
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -130,6 +131,9 @@ class CollisionChecker {
   Verdict JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
                      const Between& places, std::span<ViewEvidence> evidence) const;
   Verdict JudgeNode(ConfigurationNumber number, std::span<ViewEvidence> evidence) const;
+  // Whether the robot as it is drawn leaves the workspace, if there is one. A configuration where
+  // it does is not free.
+  bool LeavesWorkspace(std::span<const double> q, Growth growth) const;
   // Whether the map has it that the node nearest to `q` is free.
   bool IsFreeByMap(std::span<const double> q) const;
   // As JudgeDrawn, by planes that are prepared; nothing: that does not decide.
@@ -163,6 +167,7 @@ class CollisionChecker {
   TestSupport::RobotMayTouch robot_may_touch_;
   TestSupport::RobotMayMeet robot_may_meet_;
   bool voxels_decide_ = false;
+  std::optional<Eigen::AlignedBox3d> workspace_;
   const DrawnChecker* drawn_ = nullptr;  // set if it decides
   std::function<bool(ConfigurationNumber)> node_is_free_;
   // Whether every view has unknown or error pixels inside any test robot image.

@@ -175,6 +175,15 @@ TileVerdicts SpaceChecker::CheckNodes(const TileIndex& own, const TileIndex& rea
   return verdicts;
 }
 
+PlaceSet SpaceChecker::Leaving(uint64_t tile, const PlaceSet& among) const {
+  PlaceSet leaving;
+  for (uint64_t place = 0; place < kTileSize; ++place) {
+    if (!among.Contains(place)) continue;
+    if (test_.LeavesWorkspace(test_.grid().At(tile * kTileSize + place), {})) leaving.Insert(place);
+  }
+  return leaving;
+}
+
 std::optional<TileVerdicts> SpaceChecker::CheckTile(uint64_t tile, const TileIndex& index,
                                                     const Stop& stop) const {
   PlaceSet present = index.present();
@@ -193,6 +202,7 @@ std::optional<TileVerdicts> SpaceChecker::CheckTile(uint64_t tile, const TileInd
     }
   }
   occupied &= present;
+  if (test_.workspace_) unread |= Leaving(tile, present);
   present -= unread;
   TileVerdicts verdicts{.free = {}, .occupied = occupied.words};
   if (test_.missing_views_ == 0) {

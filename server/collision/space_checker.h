@@ -89,6 +89,8 @@ class SpaceChecker {
   void BoundLines(std::span<const PixelTree> trees);
   void BoundPossibleSpace(std::span<const PixelTree> trees);
   PlaceSet Occupied(const TileIndex& index) const;
+  // Those where the robot leaves the test's workspace.
+  PlaceSet Leaving(uint64_t tile, const PlaceSet& among) const;
 
   const CollisionChecker& test_;
   // Occupied if one of these is touched ...

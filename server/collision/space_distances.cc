@@ -54,10 +54,12 @@ void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> sq
 
 }  // namespace
 
-SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range)
+SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range,
+                               const std::optional<Eigen::AlignedBox3d>& known)
     : grid_(sets.empty() ? throw std::invalid_argument("there is no set of voxels")
                          : sets.front().grid),
-      range_(range) {
+      range_(range),
+      known_(known) {
   for (const VoxelsOfGrid& voxels : sets) {
     for (int axis = 0; axis < 3; ++axis) {
       if (voxels.set.size(axis) != voxels.grid.size(axis)) {
@@ -141,6 +143,12 @@ void SpaceDistances::FillMap(const VoxelSet& voxels) {
   }
 }
 
+double SpaceDistances::ToUnknown(const Eigen::Vector3d& point) const {
+  if (!known_) return range_;
+  const double inside = (point - known_->min()).cwiseMin(known_->max() - point).minCoeff();
+  return std::clamp(inside, 0.0, range_);
+}
+
 double SpaceDistances::AtLeast(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d place = (point - grid_.lower()) / grid_.edge();
   Eigen::Vector3i voxel;
@@ -152,7 +160,8 @@ double SpaceDistances::AtLeast(const Eigen::Vector3d& point) const {
                        static_cast<size_t>(voxel.y())) *
                           static_cast<size_t>(grid_.size(0)) +
                       static_cast<size_t>(voxel.x());
-  return std::min(range_, std::sqrt(static_cast<double>(squares_[number])) * grid_.edge());
+  return std::min(ToUnknown(point),
+                  std::sqrt(static_cast<double>(squares_[number])) * grid_.edge());
 }
 
 void SpaceDistances::Measure(const Block& block, const Eigen::Vector3d& point, double& square) {
@@ -189,7 +198,7 @@ double SpaceDistances::Distance(const Eigen::Vector3d& point, double at_most) co
     const double place = (point[axis] - grid_.lower()[axis]) / grid_.edge();
     if (!(place >= 0 && place < grid_.size(axis))) return 0;
   }
-  double square = std::pow(std::clamp(at_most, 0.0, range_), 2);
+  double square = std::pow(std::clamp(at_most, 0.0, ToUnknown(point)), 2);
   // The block whose voxels begin nearest first: of most others none is as near.
   const Block* nearest = nullptr;
   double begins = square;

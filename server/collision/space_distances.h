@@ -9,6 +9,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,10 +25,12 @@ struct VoxelsOfGrid {
 
 class SpaceDistances {
  public:
-  // From the voxels of all sets; the map has the grid of the first one. Distances above `range`,
-  // metres, are taken for it. Throws std::invalid_argument if there is no set, one is not of its
-  // grid, or the range is not positive or more than 127 edges of a voxel of the map.
-  SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range);
+  // From the voxels of all sets, and from all that is beyond `known`, if it is stated; the map has
+  // the grid of the first set. Distances above `range`, metres, are taken for it. Throws
+  // std::invalid_argument if there is no set, one is not of its grid, or the range is not positive
+  // or more than 127 edges of a voxel of the map.
+  SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range,
+                 const std::optional<Eigen::AlignedBox3d>& known = std::nullopt);
 
   double range() const { return range_; }
 
@@ -48,6 +51,8 @@ class SpaceDistances {
     std::array<uint8_t, size_t{VoxelGrid::kBlockEdge} * VoxelGrid::kBlockEdge> rows{};  // y fastest
   };
 
+  // From the point to all that is beyond what is known, at most the range.
+  double ToUnknown(const Eigen::Vector3d& point) const;
   void AddBlocks(const VoxelsOfGrid& voxels);
   void FillMap(const VoxelSet& voxels);
   // Lowers `square`, of a distance, to that from the point to the block's voxels.
@@ -55,6 +60,7 @@ class SpaceDistances {
 
   VoxelGrid grid_;
   double range_;
+  std::optional<Eigen::AlignedBox3d> known_;
   std::vector<int16_t> squares_;  // by voxel of the map, x fastest: squares of edges
   std::vector<Block> blocks_;
 };

@@ -41,6 +41,7 @@ void CollisionChecker::CheckSpace(const Policy& policy, const TestSupport& suppo
   voxels_decide_ = policy.preset == Preset::kSound;
   robot_may_touch_ = support.robot_may_touch;
   if (voxels_decide_) robot_may_meet_ = support.robot_may_meet;
+  if (table_.drawn() != nullptr) workspace_ = support.workspace;
 }
 
 void CollisionChecker::PrepareLines(const Policy& policy, const TestSupport& support) {

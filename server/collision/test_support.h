@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <functional>
+#include <optional>
 #include <span>
 
 #include "calib/robot/drawing/drawn_checker.h"
@@ -39,6 +40,9 @@ struct TestSupport {
   // to any configuration between two, along each joint. True if that is not known, as far away.
   using RobotMayMeet = std::function<bool(std::span<const double>, std::span<const double>)>;
   RobotMayMeet robot_may_meet = nullptr;
+  // Sound presets, drawn robots: the box beyond which obstacles are not found; nothing: the robot
+  // never leaves it.
+  std::optional<Eigen::AlignedBox3d> workspace = std::nullopt;
 };
 
 }  // namespace silhouette

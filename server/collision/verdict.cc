@@ -34,8 +34,9 @@ std::string NameOf(Reason reason) {
                                     "camera moved",
                                     "robot elsewhere",
                                     "motion not proven",
-                                    "depends on wrist"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kDependsOnWrist) + 1);
+                                    "depends on wrist",
+                                    "outside workspace"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kOutsideWorkspace) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

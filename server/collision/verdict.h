@@ -43,6 +43,7 @@ enum class Reason : uint8_t {
   kRobotElsewhere = 24,
   kMotionNotProven = 25,
   kDependsOnWrist = 26,
+  kOutsideWorkspace = 27,
 };
 
 // "scene stale" and the like, for logs and messages.

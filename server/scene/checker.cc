@@ -92,6 +92,7 @@ TestSupport SupportFor(const Served& served, const Policy& policy) {
     support.possible_space = &served.scene->possible_space.Get(
         served.database->sound(), served.scene->obstacle_images, served.scene->joints,
         AllowedPixels(served), MaxOccludedViews(policy, served.database->views()));
+    support.workspace = served.database->sound()->workspace();
     // It takes links that stand as in the scene for what touches nothing. With another tool or part
     // than in the scene that is not known.
     if (served.database->variant() == served.scene->variant) {

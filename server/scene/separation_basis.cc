@@ -129,8 +129,10 @@ absl::StatusOr<std::shared_ptr<const SeparationBasis>> SeparationBasis::Make(
     }
     VoxelSpace space(zone, cell.settings.least_obstacle,
                      ViewsOfSpace(description, robot_images, calibration, margin), edge);
-    return std::shared_ptr<const SeparationBasis>(new SeparationBasis(
+    std::shared_ptr<SeparationBasis> basis(new SeparationBasis(
         separation, std::move(sound), std::move(robot), std::move(space), range));
+    if (!separation.zone) basis->known_ = zone;
+    return std::shared_ptr<const SeparationBasis>(std::move(basis));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("separation: ", error.what()));
   }
@@ -146,7 +148,7 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
   KeepOnly(people, counted_);
   VoxelSet close = near.remaining();
   if (unseen_is_empty_) KeepOnly(close, near.space().seen());
-  return SpaceDistances({{people, space_.grid()}, {close, near.space().grid()}}, range_);
+  return SpaceDistances({{people, space_.grid()}, {close, near.space().grid()}}, range_, known_);
 }
 
 }  // namespace silhouette

@@ -65,6 +65,8 @@ class SeparationBasis {
   std::shared_ptr<const DrawnRobot> robot_;
   VoxelSpace space_;
   VoxelSet counted_;  // where people may be and the robot does not reach
+  // Beyond it people may be anywhere; nothing: they are not.
+  std::optional<Eigen::AlignedBox3d> known_;
   bool unseen_is_empty_ = false;
   double unseen_share_ = 0;
   double range_;

@@ -95,6 +95,7 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
                            .payload_radius = sound.payload_radius,
                            .range = sound.settings.least_obstacle,
                            .step = std::max(sound.VoxelEdge() / kStepsPerEdge, kLeastStep)}) {
+  if (sound.robot_may_leave) workspace_ = sound.workspace;
   for (const auto& joint : cell.fixed_joints()) {
     fixed_joints_.push_back({joint.name(), joint.position()});
   }

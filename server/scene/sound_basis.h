@@ -53,6 +53,9 @@ class SoundBasis {
 
   const VoxelSpace& space() const { return space_; }
 
+  // TestSupport::workspace.
+  const std::optional<Eigen::AlignedBox3d>& workspace() const { return workspace_; }
+
   // The links with a shape that is not closed: nothing is certain of it.
   const std::vector<std::string>& open_links() const { return body_.open_links(); }
 
@@ -101,6 +104,7 @@ class SoundBasis {
   bool whole_model_ = false;
   double resolvable_obstacle_ = 0;
   double mask_scale_ = 0;
+  std::optional<Eigen::AlignedBox3d> workspace_;
   VoxelSpace space_;
   RobotBody body_;
 };

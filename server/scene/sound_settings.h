@@ -43,8 +43,11 @@ struct SeparationCell {
 
 struct SoundCell {
   SoundSettings settings;
-  // A box that the robot never leaves, in its base frame, metres.
+  // Where obstacles are looked for, a box in the robot's base frame, metres. The robot never leaves
+  // it ...
   Eigen::AlignedBox3d workspace;
+  // ... unless this is set, of a robot whose images are drawn: then nothing is free where it does.
+  bool robot_may_leave = false;
   // How far tool and payload reach beyond the model's last link, metres.
   double payload_radius = 0;
   std::shared_ptr<const RobotModel> robot;

@@ -150,7 +150,7 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell) {
         const std::optional<LinkBeyond> beyond,
         FarthestBeyond(*cell.robot.model, cell.sound ? cell.sound->geometry : BodyGeometry::kVisual,
                        cell.grid.joints(), cell.fixed_joints, forbidden.regions(),
-                       *cell.workspace));
+                       cell.robot.payload_radius, *cell.workspace));
     if (!beyond || beyond->by <= kMostBeyond) return absl::OkStatus();
     std::string where;
     for (size_t joint = 0; joint < beyond->q.size(); ++joint) {
@@ -158,11 +158,13 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell) {
                             cell.grid.joints()[joint].name, beyond->q[joint]);
     }
     return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: '%s' is %.3f m beyond %s at %s, where obstacles would not be found: enlarge "
+        "%s: '%s' is %.3f m beyond %s at %s, where %s: enlarge "
         "'workspace', in metres, so that it holds the whole robot, or leave it out; joint values "
         "that the robot never takes belong into 'capture: forbidden_regions'",
         cell.file, cell.robot.model->links()[beyond->link].name, beyond->by, FaceName(beyond->face),
-        where));
+        where,
+        cell.robot.drawn ? "no verdict of the sound presets is free"
+                         : "obstacles would not be found"));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
@@ -232,8 +234,12 @@ std::vector<std::string> Doubts(const Cell& cell) {
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
   if (!cell.sound) return std::optional<SoundCell>();
   ASSIGN_OR_RETURN(const Workspace workspace, WorkspaceOf(cell));
-  return std::optional<SoundCell>(
-      {*cell.sound, workspace, cell.robot.payload_radius, cell.robot.model, cell.separation});
+  return std::optional<SoundCell>(SoundCell{.settings = *cell.sound,
+                                            .workspace = workspace,
+                                            .robot_may_leave = cell.workspace && cell.robot.drawn,
+                                            .payload_radius = cell.robot.payload_radius,
+                                            .robot = cell.robot.model,
+                                            .separation = cell.separation});
 }
 
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {

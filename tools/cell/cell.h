@@ -125,7 +125,7 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell);
 
 // The box that the robot never leaves: the workspace that the file states, else the reach of its
 // model. InvalidArgument: there is neither, or, where robot images are captured, as
-// WorkspaceHoldsRobot. A drawn robot's joint limits may be wider than where it goes.
+// WorkspaceHoldsRobot. A drawn robot may leave the stated one: SoundCell::robot_may_leave.
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
 // What the file may state and its author probably did not mean: a sentence each, with the mend.

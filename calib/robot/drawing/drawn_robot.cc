@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/robot/drawing/drawn_robot.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -30,6 +31,25 @@ DrawnRobot::DrawnRobot(KinematicChain chain, std::vector<RobotPart> parts,
   }
   balls_ = PartBalls(parts_, edges_);
   for (const PartDrawer& view : views_) looks_.emplace_back(view);
+}
+
+bool DrawnRobot::Leaves(const Eigen::AlignedBox3d& box,
+                        std::span<const Eigen::Isometry3d> base_from_link, Growth growth) const {
+  for (size_t i = 0; i < parts_.size(); ++i) {
+    const std::span<const double> levers = std::span(levers_).subspan(i * joints_, joints_);
+    if (std::ranges::none_of(levers, [](double lever) { return lever > 0; })) continue;
+    const double radius = parts_[i].radius + (growth.empty() ? 0 : growth[i]);
+    const Eigen::Isometry3d& pose = base_from_link[parts_[i].moves_with];
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::RowVectorXd along = pose.linear().row(axis) * parts_[i].points;
+      const double origin = pose.translation()[axis];
+      if (!(origin + along.minCoeff() - radius >= box.min()[axis] &&
+            origin + along.maxCoeff() + radius <= box.max()[axis])) {
+        return true;
+      }
+    }
+  }
+  return false;
 }
 
 void DrawnRobot::AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link,

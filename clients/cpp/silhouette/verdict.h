@@ -45,6 +45,7 @@ enum class Reason : uint8_t {
   kRobotElsewhere = 24,
   kMotionNotProven = 25,
   kDependsOnWrist = 26,
+  kOutsideWorkspace = 27,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kNoUpdate = 203,

@@ -59,11 +59,14 @@ TEST(Reach, PayloadReachesBeyondTheLastLink) {
 
 const Eigen::AlignedBox3d kRoom(Eigen::Vector3d(-2, -2, -1), Eigen::Vector3d(2, 2, 3));
 
-std::optional<LinkBeyond> BeyondOf(const Eigen::AlignedBox3d& box, const JointRegions& forbidden) {
+std::optional<LinkBeyond> BeyondOf(const Eigen::AlignedBox3d& box, const JointRegions& forbidden,
+                                   double payload_radius = 0) {
   const std::vector<GridJoint> moving{{.name = "turn", .lower = -2, .upper = 2},
                                       {.name = "bend", .lower = -1.5, .upper = 0},
                                       {.name = "slide", .lower = 0, .upper = 0.3}};
-  return FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, {}, forbidden, box).value();
+  return FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, {}, forbidden, payload_radius,
+                        box)
+      .value();
 }
 
 TEST(FarthestBeyond, NothingIsBeyondABoxThatHoldsTheRobot) {
@@ -90,6 +93,12 @@ TEST(FarthestBeyond, TheLinkTheFaceAndHowFarAreThoseOfTheFarthestConfiguration) 
   EXPECT_NEAR(beside->by, 0.5 + 0.7 + 0.05 - 1, 0.001) << "between the configurations of a grid";
 }
 
+TEST(FarthestBeyond, ToolAndPayloadCountAtTheOutermostLink) {
+  Eigen::AlignedBox3d low = kRoom;
+  low.max().z() = 1.5;
+  EXPECT_NEAR(BeyondOf(low, {}, 0.2)->by, BeyondOf(low, {})->by + 0.2, 1e-9);
+}
+
 TEST(FarthestBeyond, ForbiddenJointValuesDoNotCount) {
   Eigen::AlignedBox3d low = kRoom;
   low.max().z() = 1.7;
@@ -104,7 +113,7 @@ TEST(FarthestBeyond, WhatNoJointMovesMayBeAnywhere) {
   const std::vector<GridJoint> moving{{.name = "slide", .lower = 0, .upper = 0.3}};
   const std::vector<FixedJoint> fixed{{"turn", 0}, {"bend", 0}};
   const Eigen::AlignedBox3d box(Eigen::Vector3d(0.8, -1, 0), Eigen::Vector3d(2, 1, 2));
-  EXPECT_FALSE(FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, fixed, {}, box)
+  EXPECT_FALSE(FarthestBeyond(ThreeJoints(), BodyGeometry::kVisual, moving, fixed, {}, 0, box)
                    .value()
                    .has_value());
 }

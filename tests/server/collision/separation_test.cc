@@ -88,6 +88,20 @@ TEST(SpaceDistances, NothingIsKnownBeyondTheGrid) {
   EXPECT_EQ(distances.AtLeast({std::nan(""), 0.5, 0.5}), 0);
 }
 
+TEST(SpaceDistances, SomebodyMayBeAnywhereBeyondWhatIsKnown) {
+  const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
+  const VoxelSet none(grid);
+  const SpaceDistances distances(
+      {{none, grid}}, 1, Eigen::AlignedBox3d(Eigen::Vector3d::Zero(), Eigen::Vector3d(1, 1, 0.9)));
+  for (const Eigen::Vector3d& at :
+       {Eigen::Vector3d(0.5, 0.5, 0.5), Eigen::Vector3d(0.5, 0.2, 0.6)}) {
+    EXPECT_NEAR(distances.Distance(at, 2), at.y() < 0.4 ? 0.2 : 0.4, 1e-12);
+    EXPECT_NEAR(distances.AtLeast(at), at.y() < 0.4 ? 0.2 : 0.4, 1e-12);
+  }
+  EXPECT_EQ(distances.Distance({0.5, 0.5, 0.95}, 2), 0);
+  EXPECT_EQ(distances.AtLeast({0.5, 0.5, 0.95}), 0);
+}
+
 TEST(SpaceDistances, RefusesARangeThatCannotBe) {
   const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
   const VoxelSet none(grid);

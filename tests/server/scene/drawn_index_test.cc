@@ -88,6 +88,9 @@ TEST_F(DrawnIndexTest, MapByTheIndexIsTheMapThatIsDrawn) {
                                                      Eigen::Vector3d(1.1, 1.1, 1.8)),
                     .payload_radius = 0,
                     .robot = model};
+  // The robot leaves it where it stretches upwards.
+  sound->workspace.max().z() = 1.2;
+  sound->robot_may_leave = true;
   Make("stored", cell);
   Make("empty", std::nullopt);
   const auto stored = Load("stored", cell);

@@ -55,6 +55,50 @@ TEST_F(DrawnSoundTest, RobotThatTouchesAnObstacleIsNeverFreeUnderSoundAtAnyConfi
   EXPECT_GT(free[1], 200u);
 }
 
+TEST_F(DrawnSoundTest, RobotThatLeavesItsWorkspaceIsUnknownUnderSoundOnMotionsToo) {
+  sound->workspace.max() = Vector3d(1.1, 0.6, 1.1);
+  sound->robot_may_leave = true;
+  auto loaded = Load({.calibration = calibration, .drawn = cell});
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  database = *loaded;
+  const auto leaves = [&](const Configuration& q) {
+    const std::vector<Eigen::Isometry3d> poses =
+        model->LinkPoses(std::vector<double>{q[0], q[1], 0.1});
+    for (size_t link = 1; link < poses.size(); ++link) {
+      const LinkGeometry& geometry = model->links()[link].visual[0];
+      const Vector3d half = std::get<BoxShape>(geometry.shape).size / 2;
+      for (int corner = 0; corner < 8; ++corner) {
+        const Vector3d at(corner & 1 ? half.x() : -half.x(), corner & 2 ? half.y() : -half.y(),
+                          corner & 4 ? half.z() : -half.z());
+        if (!sound->workspace.contains(poses[link] * geometry.link_from_shape * at)) return true;
+      }
+    }
+    return false;
+  };
+  size_t outside = 0;
+  size_t free = 0;
+  for (int scene = 0; scene < 20; ++scene) {
+    const Preset preset = scene % 2 == 0 ? Preset::kSoundPlanes : Preset::kSound;
+    const Checker checker = CheckerOf(InputOf(Any(), {}), {.preset = preset});
+    for (int i = 0; i < 30; ++i) {
+      const Configuration q = Any();
+      const Verdict verdict = checker.Check(q);
+      ASSERT_FALSE(verdict.free() && leaves(q)) << NameOf(preset);
+      outside += verdict == Verdict::Unknown(Reason::kOutsideWorkspace) ? 1 : 0;
+      free += verdict.free() ? 1 : 0;
+      const std::vector<Configuration> path = {q, Any()};
+      const PathVerdict motion =
+          checker.CheckPath(path, {}, nullptr, nullptr, {.resolution = 0.02});
+      for (int step = 0; motion.verdict.free() && step <= 100; ++step) {
+        ASSERT_FALSE(leaves({std::lerp(q[0], path[1][0], step / 100.0),
+                             std::lerp(q[1], path[1][1], step / 100.0)}));
+      }
+    }
+  }
+  EXPECT_GT(outside, 50u);
+  EXPECT_GT(free, 50u);
+}
+
 TEST_F(DrawnSoundTest, NoFreeMotionTouchesAnObstacleUnderSound) {
   size_t free = 0;
   for (int scene = 0; scene < 6; ++scene) {
