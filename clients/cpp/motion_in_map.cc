@@ -77,6 +77,10 @@ MotionVerdict CheckMotionInMap(const SpaceMap& map, const OffGridRule& rule,
   if (from.size() != joints || to.size() != joints) {
     return UnknownMotion(Reason::kOutsideGrid, from);
   }
+  const auto finite = [](double value) { return std::isfinite(value); };
+  if (!std::ranges::all_of(from, finite) || !std::ranges::all_of(to, finite)) {
+    return UnknownMotion(Reason::kOutsideGrid, from);
+  }
   MapWalk walk(map, rule, from, to);
   if (!walk.FreeAt(0)) return walk.result();
   using enum SegmentPlaces::Border;

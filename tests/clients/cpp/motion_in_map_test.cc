@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <numeric>
@@ -182,6 +183,12 @@ TEST(MotionInMap, FarTurnsAreNotFree) {
   const client::MotionVerdict far = client::CheckMotionInMap(map, {}, q, Configuration{1, 1e12, 0});
   EXPECT_EQ(far.state, client::State::kUnknown);
   EXPECT_EQ(far.reason, client::Reason::kOutsideGrid);
+  const Configuration none{1, std::numeric_limits<double>::quiet_NaN(), 0};
+  for (const auto& [from, to] : {std::pair{none, q}, std::pair{q, none}}) {
+    const client::MotionVerdict motion = client::CheckMotionInMap(map, {}, from, to);
+    EXPECT_EQ(motion.reason, client::Reason::kOutsideGrid);
+    EXPECT_EQ(motion.last_free, 0) << "nothing of it is known to be free";
+  }
 }
 
 }  // namespace
