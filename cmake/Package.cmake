@@ -37,7 +37,7 @@ file(CONFIGURE OUTPUT ${made}/shlibs CONTENT "libsilhouette ${PROJECT_VERSION_MA
 set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA ${made}/shlibs ${package}/triggers)
 set(CPACK_DEBIAN_CLIENT_PACKAGE_DEPENDS "${library} (= ${PROJECT_VERSION}-1), libgrpc++-dev, libprotobuf-dev, protobuf-compiler-grpc, libabsl-dev, libeigen3-dev")
 set(CPACK_DEBIAN_CLIENT_PACKAGE_SUGGESTS "libompl-dev")
-set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3, python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA ${package}/python/prerm)
 set(CPACK_DEBIAN_SERVER_PACKAGE_DEPENDS "systemd | systemd-standalone-sysusers")
 set(CPACK_DEBIAN_SERVER_PACKAGE_RECOMMENDS "silhouette")
