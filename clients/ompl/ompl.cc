@@ -112,7 +112,7 @@ class ClearanceObjective : public ob::StateCostIntegralObjective {
 
 ob::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot> snapshot,
                                              const SpaceInformationOptions& options) {
-  if (snapshot->grid() == nullptr) {
+  if (snapshot == nullptr || snapshot->grid() == nullptr) {
     throw std::invalid_argument("the snapshot has no grid: wait for an update (WaitForUpdate)");
   }
   auto si = std::make_shared<ob::SpaceInformation>(

@@ -127,13 +127,22 @@ void BindVerdict(py::module_& module) {
       .def("__repr__", [](const Verdict& at) { return "<Verdict " + TextOf(at) + ">"; });
 }
 
+// From now on.
+py::array ReadOnly(py::array array) {
+  array.attr("setflags")(py::arg("write") = false);
+  return array;
+}
+
 void BindChecks(py::module_& module) {
   py::class_<Checks>(module, "Checks",
                      "n verdicts as arrays. It has no truth of its own: use all_free or free.")
       .def_readonly("basis", &Checks::basis)
-      .def_readonly("states", &Checks::states,
-                    "(n,) uint8, values of State. Beware: OCCUPIED is not 0; use free.")
-      .def_readonly("reasons", &Checks::reasons, "(n,) uint8, values of Reason.")
+      .def_property_readonly(
+          "states", [](const Checks& at) { return ReadOnly(at.states); },
+          "(n,) uint8, values of State. Beware: OCCUPIED is not 0; use free. Cannot be changed.")
+      .def_property_readonly(
+          "reasons", [](const Checks& at) { return ReadOnly(at.reasons); },
+          "(n,) uint8, values of Reason. Cannot be changed.")
       .def_readonly("clearances", &Checks::clearances,
                     "(n,) float64, mask pixels, NaN where unknown; None if not requested.")
       .def_readonly("verdicts", &Checks::verdicts,
@@ -199,6 +208,26 @@ void BindPath(py::module_& module) {
 absl::Duration SecondsOf(double seconds, const std::string& what) {
   if (std::isnan(seconds)) throw std::invalid_argument(what + " is not a number of seconds");
   return absl::Seconds(seconds);
+}
+
+Numbers NumbersIn(const py::object& numbers) {
+  if (py::isinstance<Numbers>(numbers)) return py::reinterpret_borrow<Numbers>(numbers);
+  const py::array any = py::array::ensure(numbers);
+  if (!any || (any.dtype().kind() != 'i' && any.dtype().kind() != 'u')) {
+    PyErr_Clear();
+    throw std::invalid_argument(
+        "numbers takes an array of whole numbers, as Grid.numbers has them");
+  }
+  const auto wide = py::array_t<int64_t, py::array::c_style | py::array::forcecast>::ensure(any);
+  Numbers narrow(wide.size());
+  for (py::ssize_t i = 0; i < wide.size(); ++i) {
+    const int64_t number = wide.data()[i];
+    if (number < 0 || number > std::numeric_limits<uint32_t>::max()) {
+      throw std::invalid_argument("numbers: there is no configuration " + std::to_string(number));
+    }
+    narrow.mutable_data()[i] = static_cast<uint32_t>(number);
+  }
+  return narrow;
 }
 
 std::vector<Configuration> RowsOf(const Doubles& array, const std::string& what) {

@@ -81,6 +81,11 @@ using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 // other shape.
 std::vector<Configuration> RowsOf(const Doubles& array, const std::string& what);
 
+// Numbers of configurations: a uint32 array as it is, one of other whole numbers as such. Throws
+// std::invalid_argument if they are no whole numbers, or numbers that uint32 does not have.
+using Numbers = py::array_t<uint32_t, py::array::c_style>;
+Numbers NumbersIn(const py::object& numbers);
+
 py::array_t<double> ArrayOf(const Configuration& configuration);
 
 // Python's enum members.

@@ -231,13 +231,14 @@ void BindChecksOf(py::class_<Client>& type) {
           "evidence: fill Checks.verdicts.\nclearance: fill Checks.clearances; takes time.")
       .def(
           "check_numbers",
-          [](const Client& at, const py::array_t<uint32_t, py::array::c_style>& numbers,
-             const Policy& policy) {
+          [](const Client& at, const py::object& of, const Policy& policy) {
+            const Numbers numbers = NumbersIn(of);
             const std::span asked(numbers.data(), static_cast<size_t>(numbers.size()));
             return ChecksOf(Ask([&] { return at.CheckNumbers(asked, policy); }));
           },
           py::arg("numbers"), py::kw_only(), py::arg("policy") = Policy(),
-          "The same for grid points: faster.\n\nnumbers: (n,) uint32, as Grid.numbers has them; "
+          "The same for grid points: faster.\n\nnumbers: (n,) whole numbers, as Grid.numbers has "
+          "them; "
           "8 million at most. Another database may have other configurations under these numbers: "
           "compare basis.database_generation.")
       .def(

@@ -56,6 +56,12 @@ class JointValues {
 
 Checks CheckMany(const SpaceSnapshot& snapshot, const Doubles& configurations) {
   if (configurations.ndim() != 2) (void)RowsOf(configurations, "configurations");
+  const ConfigurationGrid* grid = snapshot.grid();
+  if (grid != nullptr && configurations.shape(1) != grid->dimensions()) {
+    throw std::invalid_argument("configurations has " + std::to_string(configurations.shape(1)) +
+                                " joint values a row; the grid has " +
+                                std::to_string(grid->dimensions()) + " joints");
+  }
   Checks checks(snapshot.basis(), configurations.shape(0));
   uint8_t* states = checks.states.mutable_data();
   uint8_t* reasons = checks.reasons.mutable_data();
@@ -70,8 +76,6 @@ Checks CheckMany(const SpaceSnapshot& snapshot, const Doubles& configurations) {
   });
   return checks;
 }
-
-using Numbers = py::array_t<uint32_t, py::array::c_style>;
 
 Checks CheckNumbers(const SpaceSnapshot& snapshot, const Numbers& numbers) {
   const std::span<const uint32_t> asked(numbers.data(), static_cast<size_t>(numbers.size()));
@@ -136,11 +140,12 @@ void BindChecks(Class& type, F snapshot) {
           "configurations: (n, d) float64, radians or metres.")
       .def(
           "check_numbers",
-          [snapshot](const T& at, const Numbers& numbers) {
-            return CheckNumbers(*snapshot(at), numbers);
+          [snapshot](const T& at, const py::object& numbers) {
+            return CheckNumbers(*snapshot(at), NumbersIn(numbers));
           },
           py::arg("numbers"),
-          "The same for grid points. numbers: (n,) uint32, as Grid.numbers of this grid has them; "
+          "The same for grid points. numbers: (n,) whole numbers, as Grid.numbers of this grid has "
+          "them; "
           "another database may have another grid.")
       .def(
           "check_motion",

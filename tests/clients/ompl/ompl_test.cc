@@ -106,6 +106,10 @@ void ExpectPathsThatTheServerAccepts(int problems) {
   EXPECT_GT(found, problems / 4);
 }
 
+TEST(MakeSpaceInformation, RefusesNoSnapshot) {
+  EXPECT_THROW(MakeSpaceInformation(nullptr), std::invalid_argument);
+}
+
 TEST(Ompl, EveryPathOfRrtConnectIsAcceptedByTheServer) {
   ExpectPathsThatTheServerAccepts<og::RRTConnect>(100);
 }

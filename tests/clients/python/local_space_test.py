@@ -42,6 +42,8 @@ def test_verdicts_are_those_of_the_server(client):
         assert space.check([0.0, 0.0])
         numbers = snapshot.grid.numbers
         assert (snapshot.check_numbers(numbers.ravel()).free == ~TRUTH.ravel()).all()
+        with pytest.raises(ValueError, match="3 joint values a row; the grid has 2 joints"):
+            snapshot.check_many(np.zeros((4, 3)))
 
 
 def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
