@@ -35,6 +35,7 @@ class CheckStream::Impl {
   }
 
   absl::Status Send(v1::StreamChecksRequest question) {
+    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
     if (questions_ended_) {
       return absl::FailedPreconditionError("nothing can be asked after EndQuestions()");
     }

@@ -104,6 +104,7 @@ Client::Client(std::shared_ptr<const Connection> connection,
 absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout,
                                        const ClientTls& tls) {
   if (absl::Status status = RequireAddress(address); !status.ok()) return status;
+  if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
   if (timeout <= absl::ZeroDuration()) {
     return absl::InvalidArgumentError("the time for a call must be positive");
   }
@@ -169,6 +170,7 @@ absl::StatusOr<PathCheck> Client::CheckPath(
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
     const Policy& policy, std::span<const uint64_t> tiles, std::optional<absl::Duration> max_time,
     std::span<const double> clearance_levels) const {
+  if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
   v1::GetConfigurationSpaceRequest request;
   request.mutable_clearance_levels()->Add(clearance_levels.begin(), clearance_levels.end());
   if (max_time) *request.mutable_max_time() = ToMessage(*max_time);

@@ -3,8 +3,10 @@
 
 #include <grpc/grpc.h>
 #include <grpcpp/grpcpp.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <string_view>
 
 #include "absl/strings/match.h"
@@ -40,7 +42,18 @@ std::shared_ptr<grpc::Channel> ChannelTo(
   return grpc::CreateCustomChannel(address, credentials, arguments);
 }
 
+// The process that had the first connection; 0: none had.
+std::atomic<pid_t> connected_process = 0;
+
 }  // namespace
+
+absl::Status RequireNotForked() {
+  const pid_t process = connected_process.load();
+  if (process == 0 || process == getpid()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      "this process was forked from one that was connected to a server: start workers without "
+      "fork, as multiprocessing's 'spawn' does, or connect in the workers alone");
+}
 
 absl::Status RequireAddress(const std::string& address) {
   constexpr std::string_view kUnix = "unix:";
@@ -71,7 +84,15 @@ Connection::Connection(const std::string& address,
       channel_(ChannelTo(address, credentials)),
       collisions_(v1::CollisionService::NewStub(channel_)),
       scenes_(v1::SceneService::NewStub(channel_)),
-      databases_(v1::DatabaseService::NewStub(channel_)) {}
+      databases_(v1::DatabaseService::NewStub(channel_)) {
+  pid_t none = 0;
+  connected_process.compare_exchange_strong(none, getpid());
+}
+
+Connection::~Connection() {
+  // To close it would write to the parent's sockets.
+  if (!RequireNotForked().ok()) new std::shared_ptr<grpc::Channel>(channel_);
+}
 
 // gRPC reads its sockets while a thread waits for it, else every five seconds. A call on a failed
 // connection fails at once: a client that only calls would leave each attempt unread until it is

@@ -29,11 +29,17 @@ absl::Status RequireAddress(const std::string& address);
 // The server's answer is malformed.
 absl::Status Malformed(const std::string& address, absl::string_view what);
 
+// FailedPrecondition in a process that was forked from one that had a connection: it has copies of
+// its sockets, and none of gRPC's threads. What it wrote would mix with its parent's questions, and
+// answers would reach the wrong one.
+absl::Status RequireNotForked();
+
 // Ends the calls of one object from any thread.
 class Cancellation {
  public:
   // Cancels all running and future calls.
   void Cancel() {
+    if (!RequireNotForked().ok()) return;  // the parent's
     const std::lock_guard lock(mutex_);
     cancelled_ = true;
     for (grpc::ClientContext* call : calls_) call->TryCancel();
@@ -77,8 +83,12 @@ class Connection {
   // `encrypted`: whether the credentials are of TLS.
   Connection(const std::string& address,
              const std::shared_ptr<grpc::ChannelCredentials>& credentials, bool encrypted);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
 
   const std::string& address() const { return address_; }
+  // For streams: only where RequireNotForked() is OK.
   v1::CollisionService::Stub& collisions() const { return *collisions_; }
   v1::SceneService::Stub& scenes() const { return *scenes_; }
 
@@ -91,6 +101,10 @@ class Connection {
                                 grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
                                                              Response*),
                                 const Request& request, absl::Duration timeout) const {
+    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+    if (timeout <= absl::ZeroDuration()) {
+      return absl::InvalidArgumentError("the time for a call must be positive");
+    }
     const absl::Time deadline = absl::Now() + timeout;
     Reconnect(deadline);
     context.set_deadline(absl::ToChronoTime(deadline));

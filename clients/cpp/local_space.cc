@@ -121,6 +121,7 @@ class LocalSpace::Impl {
 
   // Runs one stream to its end. Returns why it ended; `reason`: the same as a verdict's reason.
   absl::Status Subscribe(Reason& reason) {
+    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
     {
       const std::lock_guard lock(mutex_);
       ++status_.attempts;

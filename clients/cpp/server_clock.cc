@@ -11,6 +11,8 @@
 namespace silhouette::client {
 namespace {
 
+// While the clock is not known, and once it is.
+constexpr absl::Duration kLongestFirstRoundTrip = absl::Seconds(3);
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
 constexpr RunningClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
@@ -57,16 +59,16 @@ std::optional<ServerTime::Time> ServerTime::Earliest(absl::Duration server_clock
 
 ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,
                          Cancellation& cancellation)
-    : connection_(std::move(connection)),
-      timeout_(std::min(timeout, kLongestRoundTrip)),
-      cancellation_(cancellation) {}
+    : connection_(std::move(connection)), timeout_(timeout), cancellation_(cancellation) {}
 
 absl::Status ServerClock::Measure() {
   grpc::ClientContext context;
   const Cancellation::Call call(cancellation_, context);
   const RunningClock::time_point asked = RunningClock::now();
+  const absl::Duration timeout =
+      std::min(timeout_, time_.ClockAt(asked) ? kLongestRoundTrip : kLongestFirstRoundTrip);
   const auto response = connection_->Call(context, &v1::CollisionService::Stub::CheckConfigurations,
-                                          v1::CheckConfigurationsRequest(), timeout_);
+                                          v1::CheckConfigurationsRequest(), timeout);
   const RunningClock::time_point answered = RunningClock::now();
   // A slow server is asked less often.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
@@ -111,6 +113,7 @@ absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
   std::optional<ServerTime::Time> earliest = time_.Earliest(made, received);
   if (!earliest) {
     if (measured.ok()) measured = Measure();
+    if (absl::IsDeadlineExceeded(measured)) return absl::UnavailableError(measured.message());
     if (!measured.ok()) return measured;
     earliest = time_.Earliest(made, received);
   }

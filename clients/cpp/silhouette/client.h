@@ -64,7 +64,9 @@ struct ClientTls {
 class Connection;
 class PublishingClock;
 
-// Any number of threads may use a client at once. Copies share the connection.
+// Any number of threads may use a client at once. Copies share the connection. In a process that
+// was forked from one that had a client, every call is a FailedPrecondition: it would disturb the
+// parent's.
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
@@ -75,7 +77,7 @@ class Client {
                                         absl::Duration timeout = absl::Seconds(10),
                                         const ClientTls& tls = {});
 
-  // The same connection with another timeout.
+  // The same connection with another timeout: positive, else every call is an InvalidArgument.
   Client WithTimeout(absl::Duration timeout) const;
 
   // The same connection for one variant of the robot: a tool, a part. Configurations, paths and a
@@ -99,7 +101,8 @@ class Client {
 
   // The same for configurations of the grid by their numbers (ConfigurationGrid), up to eight
   // million at once: much faster, without evidence. A database with another grid has other
-  // configurations under these numbers: compare Basis::database_generation.
+  // configurations under these numbers: compare Basis::database_generation, and GetDatabase() after
+  // the connection was lost, for another server's may be the same.
   absl::StatusOr<NumberChecks> CheckNumbers(std::span<const uint32_t> numbers,
                                             const Policy& policy = {}) const;
 

@@ -432,6 +432,16 @@ TEST(Errors, ServerThatDoesNotAnswerInTimeIsNamed) {
   EXPECT_THAT(std::string(status.message()), AllOf(HasSubstr(server.address), HasSubstr("30ms")));
 }
 
+TEST(Errors, TimeThatIsNotPositiveIsRefusedByEveryCall) {
+  FakeServer server;
+  const Client client = ClientOfHere(server);
+  for (const absl::Duration timeout :
+       {absl::ZeroDuration(), absl::Seconds(-1), -absl::InfiniteDuration()}) {
+    EXPECT_EQ(client.WithTimeout(timeout).CheckConfigurations(kOne).status().code(),
+              absl::StatusCode::kInvalidArgument);
+  }
+}
+
 TEST(Connect, RefusesWhatIsNoAddress) {
   for (const char* address :
        {"", "robot", "robot:", ":50051", "robot:0", "robot:99999", "unix:", "robot:port"}) {

@@ -131,6 +131,33 @@ TEST(PathWatch, WhoAsksSeldomGetsTheNewestAndIsToldWhatWasSkipped) {
   EXPECT_EQ(told, 50u - static_cast<uint64_t>(returned) + 2);
 }
 
+TEST(PathWatch, IsOverIfTheServersClockIsNotKnownInTime) {
+  PathServer server({Free(BasisOf(3))});
+  server.server.check_configurations = [](grpc::ServerContext& context, auto&, auto&) {
+    while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return grpc::Status::CANCELLED;
+  };
+  const Client client = ClientOfHere(server.server).WithTimeout(absl::Milliseconds(100));
+  PathWatch watch = client.WatchPath(kPath, {.preset = "paper"}).value();
+  for (int i = 0; i < 2; ++i) {
+    const absl::Status over = watch.Next(kPathWatchLong).status();
+    EXPECT_EQ(over.code(), absl::StatusCode::kUnavailable) << "it does not continue: " << over;
+  }
+}
+
+TEST(PathWatch, SlowRoundTripsMakeItLateNotBlind) {
+  PathServer server({Free(BasisOf(3))});
+  server.server.check_configurations = [](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(1200));
+    *response.mutable_basis() = BasisOf(1);
+    return grpc::Status::OK;
+  };
+  const auto update = server.Watch().Next(kPathWatchLong);
+  ASSERT_TRUE(update.ok()) << update.status();
+  EXPECT_TRUE(update->FreeNow());
+  EXPECT_GE(update->check.basis.Age(), absl::Milliseconds(1200));
+}
+
 TEST(PathWatch, CancelEndsItFromAnotherThread) {
   const PathServer server({});
   PathWatch watch = server.Watch();

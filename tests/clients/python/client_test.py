@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Python package against the real server."""
+import os
 import subprocess
 import sys
 import threading
@@ -247,6 +248,46 @@ time.sleep(0.3)
     ended = subprocess.run([sys.executable, "-c", script, server], capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
     assert ended.stderr == ""
+
+
+def test_a_forked_process_is_refused_and_leaves_its_parents_answers_alone(client, server):
+    publish(client)
+    answers, answered = os.pipe()
+    child = os.fork()
+    if child == 0:
+        refused = 0
+        for ask in (lambda: client.check([[0.0, 0.0]]), lambda: silhouette.Client(server),
+                    lambda: client.watch_path([[0.0, 0.0]]).next(timeout=10)):
+            try:
+                ask()
+            except silhouette.FailedPrecondition as error:
+                refused += "spawn" in str(error)
+        os.write(answered, bytes([refused]))
+        os._exit(0)
+    assert client.check([[0.6, 0.2]]).states[0] == State.OCCUPIED
+    assert os.waitpid(child, 0)[1] == 0
+    assert os.read(answers, 1) == bytes([3])
+    assert client.check([[0.6, 0.2]]).states[0] == State.OCCUPIED
+
+
+def test_arrays_of_verdicts_cannot_be_changed(client):
+    publish(client)
+    checks = client.check([[0.6, 0.2]])
+    for array in (checks.states, checks.reasons):
+        with pytest.raises(ValueError):
+            array[:] = 1
+    assert not checks.all_free
+
+
+def test_numbers_may_be_any_whole_numbers(client):
+    publish(client)
+    numbers = np.flatnonzero(~TRUTH.ravel())
+    assert numbers.dtype == np.int64
+    assert (client.check_numbers(numbers).states ==
+            client.check_numbers(numbers.astype(np.uint32)).states).all()
+    for wrong in (numbers - 1 - numbers.max(), numbers + 2**32, numbers.astype(float), ["a"]):
+        with pytest.raises(ValueError, match="numbers"):
+            client.check_numbers(wrong)
 
 
 def test_numbers_of_a_reason_are_those_of_the_library():
