@@ -56,12 +56,13 @@ class DrawnRobot {
   // joint does not move it. Holds for all joint values within the limits, and along the way.
   double Lever(size_t part, size_t joint) const { return levers_[part * joints_ + joint]; }
 
-  // Whether a part that joints can move, grown, is anywhere beyond the box, which is in the frame of
-  // the chain's first link. `base_from_link`: KinematicChain::Pose.
+  // Whether a part that joints can move, grown, is anywhere beyond the box, which is in the frame
+  // of the chain's first link. `base_from_link`: KinematicChain::Pose.
   bool Leaves(const Eigen::AlignedBox3d& box, std::span<const Eigen::Isometry3d> base_from_link,
               Growth growth) const;
 
-  // Sets every pixel of a view that the grown robot touches. `base_from_link`: as above. Throws std::invalid_argument if `growth` has not a number for each part.
+  // Sets every pixel of a view that the grown robot touches. `base_from_link`: as above. Throws
+  // std::invalid_argument if `growth` has not a number for each part.
   void AddTouched(size_t view, std::span<const Eigen::Isometry3d> base_from_link, Growth growth,
                   DrawingScratch& scratch, std::span<uint64_t> words) const;
 
