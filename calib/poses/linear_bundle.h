@@ -17,11 +17,17 @@ struct LinearBundle {
   static absl::StatusOr<LinearBundle> Of(Bundle& bundle);
 
   std::vector<BundleBlock> blocks;
-  Eigen::VectorXd scale;  // state = scale * `solved`'s state
-  LeastSquares solved;    // two rows per used corner, in their order, then the priors'
-  // Of robot and survey, of each corner, of each look, of each camera; with their variances.
-  std::vector<ErrorPart> parts;
-  Eigen::MatrixXd covariance;  // of the state
+  Eigen::VectorXd scale;  // state = scale * `errors.solved()`'s state
+  // Two rows per used corner, in their order, then the priors'. Parts: of robot and survey, of each
+  // corner, of each look, of each camera.
+  VarianceComponents errors;
+  Eigen::VectorXd variances;  // of the parts
 };
+
+// After FindCovariances: the covariances and size sigmas again, with errors that corners have in
+// common: those of one image, as by blur, time and print, and those of all images of a camera, as
+// its lens model lacks a term. The residuals tell how large they are (VarianceComponents). Errors
+// as of LinearBundle::Of.
+absl::StatusOr<LinearBundle> CountCommonErrors(Bundle& bundle);
 
 }  // namespace silhouette

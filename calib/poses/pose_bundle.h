@@ -11,7 +11,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "calib/camera/camera_model.h"
 #include "calib/poses/pose_calibration.h"
 
@@ -104,12 +103,6 @@ struct BundleStatistics {
 
 // Fills the covariances of cameras, of flanges and board poses, and the size sigmas.
 BundleStatistics FindCovariances(Bundle& bundle);
-
-// After FindCovariances: the covariances and size sigmas again, with errors that corners have in
-// common: those of one image, as by blur, time and print, and those of all images of a camera, as
-// its lens model lacks a term. The residuals tell how large they are (CovarianceByParts).
-// FailedPrecondition: the data do not determine all poses.
-absl::Status CountCommonErrors(Bundle& bundle);
 
 // The derivatives of a bundle's residuals, for its statistics.
 

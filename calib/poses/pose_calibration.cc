@@ -101,9 +101,9 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   if (bundle.free_sizes) RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckOutliers(bundle));
   ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
-  RETURN_IF_ERROR(CountCommonErrors(bundle));
+  ASSIGN_OR_RETURN(LinearBundle linear, CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
-  ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, fit));
+  ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, std::move(linear), fit));
   if (!misfits.doubts.empty() && !problem.accept_doubts) {
     return FailedPrecondition(absl::StrJoin(misfits.doubts, "; "), "; 'silhouette-calibrate poses ",
                               "--accept-doubts' finds the poses nevertheless");

@@ -25,7 +25,7 @@ constexpr int kShifts = 2 * kKnotColumns * kKnotRows;
 // The shifts that fields of errors add to the corners, as rows of the residuals: a field of each
 // look, or of each camera, by `field_of`.
 template <typename FieldOf>
-ErrorPart FieldErrors(const Bundle& bundle, Eigen::Index rows, const FieldOf& field_of) {
+ErrorRows FieldErrors(const Bundle& bundle, Eigen::Index rows, const FieldOf& field_of) {
   std::vector<Eigen::Triplet<double>> entries;
   int row = 0;
   int columns = 0;
@@ -42,27 +42,23 @@ ErrorPart FieldErrors(const Bundle& bundle, Eigen::Index rows, const FieldOf& fi
     }
     row += 2;
   }
-  ErrorPart part{.by_shift = ErrorPart::Rows(rows, columns), .variance{}};
-  part.by_shift.setFromTriplets(entries.begin(), entries.end());
-  return part;
+  ErrorRows by_shift(rows, columns);
+  by_shift.setFromTriplets(entries.begin(), entries.end());
+  return by_shift;
 }
 
 // Errors of each of the rows `first` to `last` - 1 by itself, in sigmas.
-ErrorPart OwnErrors(Eigen::Index rows, Eigen::Index first, Eigen::Index last) {
-  ErrorPart part{.by_shift = ErrorPart::Rows(rows, rows), .variance{}};
-  for (Eigen::Index row = first; row < last; ++row) part.by_shift.insert(row, row) = 1;
-  return part;
+ErrorRows OwnErrors(Eigen::Index rows, Eigen::Index first, Eigen::Index last) {
+  ErrorRows by_shift(rows, rows);
+  for (Eigen::Index row = first; row < last; ++row) by_shift.insert(row, row) = 1;
+  return by_shift;
 }
 
-std::vector<ErrorPart> PartsOf(const Bundle& bundle, Eigen::Index rows) {
+std::vector<ErrorRows> PartsOf(const Bundle& bundle, Eigen::Index rows) {
   const auto used = std::ranges::count_if(bundle.corners, &BundleCorner::used);
-  std::vector<ErrorPart> parts;
-  parts.push_back(OwnErrors(rows, 2 * used, rows));
-  parts.back().variance = 1;  // of what robot and survey say: NoiseModel found their sigmas
-  parts.push_back(OwnErrors(rows, 0, 2 * used));
-  parts.push_back(FieldErrors(bundle, rows, [](const BundleCorner& c) { return c.look; }));
-  parts.push_back(FieldErrors(bundle, rows, [](const BundleCorner& c) { return c.camera; }));
-  return parts;
+  return {OwnErrors(rows, 2 * used, rows), OwnErrors(rows, 0, 2 * used),
+          FieldErrors(bundle, rows, [](const BundleCorner& c) { return c.look; }),
+          FieldErrors(bundle, rows, [](const BundleCorner& c) { return c.camera; })};
 }
 
 }  // namespace
@@ -79,7 +75,7 @@ absl::StatusOr<LinearBundle> LinearBundle::Of(Bundle& bundle) {
   const Eigen::Index states = derivatives->jacobian.cols();
   linear.scale.resize(states);
   for (int i = 0; i < states; ++i) linear.scale[i] = 1 / derivatives->jacobian.col(i).norm();
-  LeastSquares& solved = linear.solved;
+  LeastSquares solved;
   solved.jacobian = derivatives->jacobian * linear.scale.asDiagonal();
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver(
       Eigen::SparseMatrix<double>(solved.jacobian.transpose() * solved.jacobian));
@@ -91,25 +87,28 @@ absl::StatusOr<LinearBundle> LinearBundle::Of(Bundle& bundle) {
                                                     std::ssize(derivatives->residuals));
   solved.residuals =
       residuals - solved.jacobian * (solved.inverse * (solved.jacobian.transpose() * residuals));
-  linear.parts = PartsOf(bundle, solved.jacobian.rows());
-  linear.covariance = linear.scale.asDiagonal() * CovarianceByParts(solved, linear.parts) *
-                      linear.scale.asDiagonal();
-  if (!linear.covariance.allFinite()) return unknown;
+  std::vector<ErrorRows> parts = PartsOf(bundle, solved.jacobian.rows());
+  linear.errors = VarianceComponents(std::move(solved), std::move(parts));
+  // Of robot and survey, NoiseModel found the sigmas.
+  linear.variances = linear.errors.Variances(linear.errors.solved().residuals,
+                                             {1.0, std::nullopt, std::nullopt, std::nullopt});
+  if (!linear.variances.allFinite()) return unknown;
   return linear;
 }
 
-absl::Status CountCommonErrors(Bundle& bundle) {
-  ASSIGN_OR_RETURN(const LinearBundle linear, LinearBundle::Of(bundle));
+absl::StatusOr<LinearBundle> CountCommonErrors(Bundle& bundle) {
+  ASSIGN_OR_RETURN(LinearBundle linear, LinearBundle::Of(bundle));
   for (const BundleBlock& block : linear.blocks) {
+    const auto scale = linear.scale.segment(block.column, block.width()).asDiagonal();
+    const Eigen::MatrixXd found =
+        scale * linear.errors.Covariance(linear.variances, block.column, block.width()) * scale;
     if (block.pose) {
-      const PoseCovariance found = linear.covariance.block<6, 6>(block.column, block.column);
       block.pose->covariance = (found + found.transpose()) / 2;
     } else {
-      bundle.size_sigmas[static_cast<size_t>(block.size)] =
-          std::sqrt(linear.covariance(block.column, block.column));
+      bundle.size_sigmas[static_cast<size_t>(block.size)] = std::sqrt(found(0, 0));
     }
   }
-  return absl::OkStatus();
+  return linear;
 }
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "calib/poses/linear_bundle.h"
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_network.h"
@@ -69,8 +70,9 @@ struct PoseMisfits {
   std::vector<std::string> warnings;
 };
 
-// After CountCommonErrors. Adds to the covariances what lenses that do not fit cost.
-absl::StatusOr<PoseMisfits> FindMisfits(const RobotNoise& noise, PoseFit& fit);
+// `linear`: by CountCommonErrors of the fit's bundle. Adds to the covariances what lenses that do
+// not fit cost.
+absl::StatusOr<PoseMisfits> FindMisfits(const RobotNoise& noise, LinearBundle linear, PoseFit& fit);
 
 // A solved bundle as a PoseSolution.
 

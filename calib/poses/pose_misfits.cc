@@ -86,8 +86,9 @@ std::vector<int> RunsAtTheEnds(const std::map<int, bool>& used) {
   return runs;
 }
 
-// The bundle, with what was left out in runs at the session's ends.
-Bundle WithRuns(const FrameOrder& order, Bundle bundle) {
+// The bundle, with what was left out in runs at the session's ends. Nothing: there are none.
+std::optional<Bundle> WithRuns(const FrameOrder& order, Bundle bundle) {
+  bool any = false;
   for (size_t camera = 0; camera < bundle.cameras.size(); ++camera) {
     std::map<int, bool> used;
     for (const BundleCorner& corner : bundle.corners) {
@@ -95,6 +96,7 @@ Bundle WithRuns(const FrameOrder& order, Bundle bundle) {
       if (const int place = order.PlaceOf(corner); place >= 0) used[place] |= corner.used;
     }
     const std::vector<int> runs = RunsAtTheEnds(used);
+    any = any || !runs.empty();
     for (BundleCorner& corner : bundle.corners) {
       if (corner.camera != static_cast<int>(camera) || !corner.residual.allFinite()) continue;
       if (std::ranges::count(runs, order.PlaceOf(corner)) > 0) corner.used = true;
@@ -109,9 +111,10 @@ Bundle WithRuns(const FrameOrder& order, Bundle bundle) {
     flanges[place] = corner.flange;
   }
   for (const int place : RunsAtTheEnds(used)) {
+    any = true;
     bundle.flanges[static_cast<size_t>(flanges[place])].left_out = false;
   }
-  return bundle;
+  return any ? std::optional(std::move(bundle)) : std::nullopt;
 }
 
 double RmsShift(const std::vector<Eigen::Vector3d>& points,
@@ -125,8 +128,13 @@ double RmsShift(const std::vector<Eigen::Vector3d>& points,
 
 class Misfits {
  public:
-  Misfits(const RobotNoise& noise, PoseFit& fit)
-      : fit_(fit), order_(fit.network), bundle_(WithRuns(order_, fit.bundle)), boxes_(fit) {
+  Misfits(const RobotNoise& noise, LinearBundle linear, PoseFit& fit)
+      : fit_(fit),
+        order_(fit.network),
+        with_runs_(WithRuns(order_, fit.bundle)),
+        bundle_(with_runs_ ? *with_runs_ : fit.bundle),
+        boxes_(fit),
+        linear_(std::move(linear)) {
     if (!bundle_.flanges.empty()) {
       least_robot_ = std::pow(noise.position_sigma / bundle_.flanges.front().position_sigma, 2);
     }
@@ -136,9 +144,11 @@ class Misfits {
   }
 
   absl::StatusOr<PoseMisfits> Find() {
-    auto linear = LinearBundle::Of(bundle_);
-    if (!linear.ok()) return PoseMisfits();  // what was left out does not fit in
-    linear_ = *std::move(linear);
+    if (with_runs_) {
+      auto linear = LinearBundle::Of(bundle_);
+      if (!linear.ok()) return PoseMisfits();  // what was left out does not fit in
+      linear_ = *std::move(linear);
+    }
     FindLens();
     // What a lens lacks looks like motion where the robot drives from side to side.
     if (found_.doubts.empty()) FindMotion();
@@ -146,8 +156,6 @@ class Misfits {
   }
 
  private:
-  using Rows = ErrorPart::Rows;
-
   // What moves: a pose, by the unscaled columns of its block.
   struct Mover {
     const BundleBlock* block = nullptr;
@@ -162,29 +170,24 @@ class Misfits {
     Mover mover;
     int from = 0;  // place in time
     double chi2 = 0;
-    Rows by_motion;
   };
 
   // The variances once more, of what is left with these unknowns.
-  std::vector<ErrorPart> PartsWithout(const FoundUnknowns& found) const {
-    LeastSquares rest = linear_.solved;
-    rest.residuals = found.residuals;
-    std::vector<ErrorPart> parts = linear_.parts;
-    for (ErrorPart& part : parts) part.variance.reset();
-    CovarianceByParts(rest, parts);
-    parts.front().variance = std::max(least_robot_, *parts.front().variance);
-    return parts;
+  Eigen::VectorXd VariancesWith(const FoundUnknowns& found) const {
+    Eigen::VectorXd variances = linear_.errors.Variances(
+        found.residuals, std::vector<std::optional<double>>(std::size(linear_.variances)));
+    variances[0] = std::max(least_robot_, variances[0]);
+    return variances;
   }
 
   // The unknowns, against errors as large as they are without them.
-  FoundUnknowns FindAgain(const Rows& by_unknown) const {
-    const FoundUnknowns first = UnknownSearch(linear_.solved, linear_.parts).Find(by_unknown);
-    const std::vector<ErrorPart> parts = PartsWithout(first);
-    return UnknownSearch(linear_.solved, parts).Find(by_unknown);
+  FoundUnknowns FindAgain(const ErrorRows& by_unknown) const {
+    const FoundUnknowns first = linear_.errors.Find(by_unknown, linear_.variances);
+    return linear_.errors.Find(by_unknown, VariancesWith(first));
   }
 
   // Radial terms of the third and fifth order and tangential ones, as shifts in the image.
-  Rows LensRows() const {
+  ErrorRows LensRows() const {
     std::vector<Eigen::Triplet<double>> entries;
     for (size_t i = 0; i < used_.size(); ++i) {
       const BundleCorner& corner = *used_[i];
@@ -203,13 +206,14 @@ class Misfits {
         }
       }
     }
-    Rows rows(linear_.solved.jacobian.rows(), kLensTerms * std::ssize(bundle_.cameras));
+    ErrorRows rows(linear_.errors.solved().jacobian.rows(),
+                   kLensTerms * std::ssize(bundle_.cameras));
     rows.setFromTriplets(entries.begin(), entries.end());
     return rows;
   }
 
   void FindLens() {
-    const Rows by_term = LensRows();
+    const ErrorRows by_term = LensRows();
     const FoundUnknowns found = FindAgain(by_term);
     const Eigen::VectorXd state = linear_.scale.cwiseProduct(found.state);
     bool certain = false;
@@ -281,49 +285,55 @@ class Misfits {
     return movers;
   }
 
-  Rows MotionRows(const Mover& mover, int from) const {
-    std::vector<Eigen::Triplet<double>> entries;
+  // The residuals' derivatives by a motion, of the corners that it moves at each place in time.
+  std::map<int, Eigen::SparseMatrix<double>> MotionRows(const Mover& mover) const {
+    const ErrorRows& jacobian = linear_.errors.solved().jacobian;
+    std::map<int, std::vector<Eigen::Triplet<double>>> entries;
     for (size_t i = 0; i < used_.size(); ++i) {
-      if (!mover.Has(*used_[i]) || order_.PlaceOf(*used_[i]) < from) continue;
+      const int place = order_.PlaceOf(*used_[i]);
+      if (!mover.Has(*used_[i]) || place < 0) continue;
       for (size_t row = 2 * i; row < 2 * i + 2; ++row) {
-        for (Rows::InnerIterator entry(linear_.solved.jacobian, row); entry; ++entry) {
+        for (ErrorRows::InnerIterator entry(jacobian, row); entry; ++entry) {
           const auto column = static_cast<int>(entry.col()) - mover.block->column;
           if (column < 0 || column >= 6) continue;
-          entries.emplace_back(row, column, entry.value() / linear_.scale[entry.col()]);
+          entries[place].emplace_back(row, column, entry.value() / linear_.scale[entry.col()]);
         }
       }
     }
-    Rows rows(linear_.solved.jacobian.rows(), 6);
-    rows.setFromTriplets(entries.begin(), entries.end());
-    return rows;
-  }
-
-  std::vector<int> PlacesOf(const Mover& mover) const {
-    std::vector<int> places;
-    for (const BundleCorner* corner : used_) {
-      const int place = order_.PlaceOf(*corner);
-      if (mover.Has(*corner) && place >= 0) places.push_back(place);
+    std::map<int, Eigen::SparseMatrix<double>> rows;
+    for (const auto& [place, of_place] : entries) {
+      rows[place].resize(jacobian.rows(), 6);
+      rows[place].setFromTriplets(of_place.begin(), of_place.end());
     }
-    std::ranges::sort(places);
-    places.erase(std::unique(places.begin(), places.end()), places.end());
-    return places;
+    return rows;
   }
 
   // The likeliest place in time of a motion of each mover.
   std::vector<Motion> Motions() const {
-    const UnknownSearch search(linear_.solved, linear_.parts);
     std::vector<Motion> motions;
     for (const Mover& mover : Movers()) {
-      Motion best{.mover = mover, .from = 0, .chi2 = 0, .by_motion{}};
-      const std::vector<int> places = PlacesOf(mover);
-      for (size_t i = kLeastFrames; i + kLeastFrames <= places.size(); ++i) {
-        Rows rows = MotionRows(mover, places[i]);
-        const double chi2 = search.Find(rows).Chi2(0, 6);
-        if (chi2 > best.chi2) best = {mover, places[i], chi2, std::move(rows)};
+      std::vector<int> places;
+      std::vector<Eigen::SparseMatrix<double>> rows;
+      for (auto& [place, of_place] : MotionRows(mover)) {
+        places.push_back(place);
+        rows.push_back(of_place);
       }
-      if (best.chi2 > kMotionLook) motions.push_back(std::move(best));
+      const std::vector<double> chi2 = linear_.errors.Chi2FromEachOn(rows, linear_.variances);
+      Motion best{.mover = mover};
+      for (size_t i = kLeastFrames; i + kLeastFrames <= places.size(); ++i) {
+        if (chi2[i] > best.chi2) best = {mover, places[i], chi2[i]};
+      }
+      if (best.chi2 > kMotionLook) motions.push_back(best);
     }
     return motions;
+  }
+
+  FoundUnknowns FindMotionAgain(const Motion& motion) const {
+    Eigen::SparseMatrix<double> sum(linear_.errors.solved().jacobian.rows(), 6);
+    for (const auto& [place, rows] : MotionRows(motion.mover)) {
+      if (place >= motion.from) sum += rows;
+    }
+    return FindAgain(sum);
   }
 
   void FindMotion() {
@@ -331,7 +341,7 @@ class Misfits {
     if (motions.empty()) return;
     std::vector<FoundUnknowns> found;
     for (Motion& motion : motions) {
-      found.push_back(FindAgain(motion.by_motion));
+      found.push_back(FindMotionAgain(motion));
       motion.chi2 = found.back().Chi2(0, 6);
     }
     const auto likeliest = std::ranges::max_element(motions, {}, &Motion::chi2);
@@ -339,10 +349,10 @@ class Misfits {
     const FoundUnknowns& motion = found[static_cast<size_t>(likeliest - motions.begin())];
     const double shift = ShiftOf(likeliest->mover, motion.values);
     std::string names = likeliest->mover.block->pose->name;
-    const std::vector<ErrorPart> parts = PartsWithout(motion);
+    const Eigen::VectorXd variances = VariancesWith(motion);
     for (size_t i = 0; i < motions.size(); ++i) {
       if (&motions[i] == &*likeliest) continue;
-      if (LeftOf(found[i], parts) - LeftOf(motion, parts) > kAsLikely) continue;
+      if (LeftOf(found[i], variances) - LeftOf(motion, variances) > kAsLikely) continue;
       absl::StrAppend(&names, " or ", motions[i].mover.block->pose->name);
     }
     const bool refused = likeliest->chi2 > kMotionCertain && shift > kRefusedMotion;
@@ -355,11 +365,11 @@ class Misfits {
   }
 
   // The sum of squares that is left with these unknowns, by the parts' variances.
-  double LeftOf(const FoundUnknowns& found, const std::vector<ErrorPart>& parts) const {
+  double LeftOf(const FoundUnknowns& found, const Eigen::VectorXd& variances) const {
     constexpr double kLeast = 1e-3;  // fields may have it all
     const Eigen::Index corners = 2 * std::ssize(used_);
-    const double robot = std::max(kLeast, *parts[0].variance);
-    return found.residuals.head(corners).squaredNorm() / std::max(kLeast, *parts[1].variance) +
+    const double robot = std::max(kLeast, variances[0]);
+    return found.residuals.head(corners).squaredNorm() / std::max(kLeast, variances[1]) +
            found.residuals.tail(found.residuals.size() - corners).squaredNorm() / robot;
   }
 
@@ -377,7 +387,8 @@ class Misfits {
 
   PoseFit& fit_;
   FrameOrder order_;
-  Bundle bundle_;
+  std::optional<Bundle> with_runs_;
+  Bundle& bundle_;
   WorkspaceBoxes boxes_;
   double least_robot_ = 0;
   std::vector<const BundleCorner*> used_;
@@ -387,8 +398,9 @@ class Misfits {
 
 }  // namespace
 
-absl::StatusOr<PoseMisfits> FindMisfits(const RobotNoise& noise, PoseFit& fit) {
-  return Misfits(noise, fit).Find();
+absl::StatusOr<PoseMisfits> FindMisfits(const RobotNoise& noise, LinearBundle linear,
+                                        PoseFit& fit) {
+  return Misfits(noise, std::move(linear), fit).Find();
 }
 
 }  // namespace silhouette

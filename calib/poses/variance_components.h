@@ -11,24 +11,15 @@
 
 namespace silhouette {
 
-struct ErrorPart {
-  using Rows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
-
-  Rows by_shift;                   // the measurements' derivatives
-  std::optional<double> variance;  // of a shift; nothing: to be found
-};
+// The measurements' derivatives, a row each; of a part, by its shifts.
+using ErrorRows = Eigen::SparseMatrix<double, Eigen::RowMajor>;
 
 // A least-squares solve at its minimum, with measurements in their sigmas.
 struct LeastSquares {
-  ErrorPart::Rows jacobian;  // J, of the residuals by the state
-  Eigen::MatrixXd inverse;   // (J'J)^-1
+  ErrorRows jacobian;       // J, of the residuals by the state
+  Eigen::MatrixXd inverse;  // (J'J)^-1
   Eigen::VectorXd residuals;
 };
-
-// The state's covariance by the parts' errors. Finds the variances that are not known, none of them
-// below 0, by the method of moments (Henderson, Biometrics 9, 1953): for each part, the squares of
-// its pull on the residuals are as large as expected.
-Eigen::MatrixXd CovarianceByParts(const LeastSquares& solved, std::vector<ErrorPart>& parts);
 
 // What the residuals say of unknowns that the solve did not seek.
 struct FoundUnknowns {
@@ -40,18 +31,50 @@ struct FoundUnknowns {
   double Chi2(Eigen::Index first, Eigen::Index count) const;
 };
 
-class UnknownSearch {
+class VarianceComponents {
  public:
-  // Both must outlive this; the parts' variances are known and may change meanwhile.
-  UnknownSearch(const LeastSquares& solved, const std::vector<ErrorPart>& parts);
+  VarianceComponents() = default;
+  VarianceComponents(LeastSquares solved, std::vector<ErrorRows> parts);
+
+  const LeastSquares& solved() const { return solved_; }
+
+  // The parts' variances by these residuals, none of them below 0: those that are not `known`, by
+  // the method of moments (Henderson, Biometrics 9, 1953): for each part, the squares of its pull
+  // on the residuals are as large as expected.
+  Eigen::VectorXd Variances(const Eigen::VectorXd& residuals,
+                            const std::vector<std::optional<double>>& known) const;
+
+  // Of the states from `first` on, by the parts' errors.
+  Eigen::MatrixXd Covariance(const Eigen::VectorXd& variances, Eigen::Index first,
+                             Eigen::Index count) const;
 
   // `by_unknown`: the residuals' derivatives. What the data do not determine of them stays 0.
-  FoundUnknowns Find(const ErrorPart::Rows& by_unknown) const;
+  FoundUnknowns Find(const ErrorRows& by_unknown, const Eigen::VectorXd& variances) const;
+
+  // For each i the chi2 of all unknowns whose derivatives are the sum of `by_unknown` from i on.
+  // Takes about as long as finding a few of them singly.
+  std::vector<double> Chi2FromEachOn(const std::vector<Eigen::SparseMatrix<double>>& by_unknown,
+                                     const Eigen::VectorXd& variances) const;
 
  private:
-  const LeastSquares& solved_;
-  const std::vector<ErrorPart>& parts_;
-  std::vector<ErrorPart::Rows> pulls_;  // Z'J of each part
+  // A part with the derivatives Z.
+  struct Part {
+    ErrorRows by_shift;  // Z
+    ErrorRows of_state;  // Z'J
+    // J'ZZ'J, if there are more shifts than states; else it stays empty, as it is seldom sparse.
+    Eigen::SparseMatrix<double> squares;
+    Eigen::MatrixXd follow;  // squares * C, for FindExpected
+    bool many() const { return squares.size() > 0; }
+  };
+
+  double MixedTrace(const Part& a, const Part& b) const;
+  double FollowingTrace(const Part& a, const Part& b) const;
+  void FindExpected();
+
+  LeastSquares solved_;
+  std::vector<Part> parts_;
+  // How much the expected squares of each part's pull grow with each part's variance.
+  Eigen::MatrixXd expected_;
 };
 
 }  // namespace silhouette

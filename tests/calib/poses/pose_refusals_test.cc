@@ -219,7 +219,7 @@ TEST(PoseRefusals, PosesWhoseUncertaintyCannotBeFoundAreRefused) {
   const int flange = fit->bundle.corners.front().flange;
   std::erase_if(fit->bundle.corners,
                 [&](const BundleCorner& corner) { return corner.flange != flange; });
-  EXPECT_THAT(std::string(CountCommonErrors(fit->bundle).message()),
+  EXPECT_THAT(std::string(CountCommonErrors(fit->bundle).status().message()),
               HasSubstr("cannot be found, as the data hardly determine them"));
 }
 
