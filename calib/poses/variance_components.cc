@@ -57,6 +57,8 @@ VarianceComponents::VarianceComponents(LeastSquares solved, std::vector<ErrorRow
     if (part.of_state.rows() > part.of_state.cols()) {
       part.squares = Columns(part.of_state.transpose() * part.of_state);
       part.follow = part.squares * solved_.inverse;
+    } else {
+      part.follow = part.of_state * solved_.inverse;
     }
   }
   FindExpected();
@@ -67,7 +69,7 @@ double VarianceComponents::MixedTrace(const Part& a, const Part& b) const {
   if (!b.many() && a.many()) return MixedTrace(b, a);
   const ErrorRows both = a.by_shift.transpose() * b.by_shift;
   const ErrorRows moved = both * b.of_state;
-  if (!a.many()) return moved.cwiseProduct(a.of_state * solved_.inverse).sum();
+  if (!a.many()) return moved.cwiseProduct(a.follow).sum();
   const ErrorRows mixed = a.of_state.transpose() * moved;
   return mixed.cwiseProduct(solved_.inverse).sum();
 }
@@ -76,9 +78,8 @@ double VarianceComponents::MixedTrace(const Part& a, const Part& b) const {
 double VarianceComponents::FollowingTrace(const Part& a, const Part& b) const {
   if (!b.many() && a.many()) return FollowingTrace(b, a);
   if (!a.many()) {
-    const Eigen::MatrixXd follow = a.of_state * solved_.inverse;
-    if (!b.many()) return (b.of_state * follow.transpose()).squaredNorm();
-    return (follow * b.squares).cwiseProduct(follow).sum();
+    if (!b.many()) return (b.of_state * a.follow.transpose()).squaredNorm();
+    return (a.follow * b.squares).cwiseProduct(a.follow).sum();
   }
   return a.follow.cwiseProduct(b.follow.transpose()).sum();
 }

@@ -63,7 +63,7 @@ class VarianceComponents {
     ErrorRows of_state;  // Z'J
     // J'ZZ'J, if there are more shifts than states; else it stays empty, as it is seldom sparse.
     Eigen::SparseMatrix<double> squares;
-    Eigen::MatrixXd follow;  // squares * C, for FindExpected
+    Eigen::MatrixXd follow;  // by C: squares, else of_state; for FindExpected
     bool many() const { return squares.size() > 0; }
   };
 
