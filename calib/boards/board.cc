@@ -284,7 +284,7 @@ std::string BoardFault(const BoardDescription& d) {
   }
   const double module = d.tag_size / family->width_at_border();
   const double rims = module * (family->total_width() - family->width_at_border());
-  if (beyond - d.first_id > 1 && d.gap < rims * (1 - 1e-9)) {
+  if (!family->is_dictionary() && beyond - d.first_id > 1 && d.gap < rims * (1 - 1e-9)) {
     return absl::StrCat("the gap of ", d.gap,
                         " m is too small: the prints of neighbouring tags "
                         "would overlap; it must be at least ",
@@ -297,21 +297,30 @@ std::string BoardFault(const BoardDescription& d) {
 std::string SharedMarks(const Board& board, const Board& other) {
   const BoardDescription& d = board.description();
   const BoardDescription& o = other.description();
-  if (d.kind != o.kind) return "";
+  const bool aruco = d.kind == BoardKind::kCharuco || o.kind == BoardKind::kCharuco;
+  if (d.kind != o.kind && !aruco) return "";
   const std::string boards = absl::StrCat("the boards '", o.name, "' and '", d.name, "' ");
-  if (d.kind == BoardKind::kChessboard) {
+  if (d.kind == BoardKind::kChessboard && o.kind == d.kind) {
     if (std::minmax(d.rows, d.columns) != std::minmax(o.rows, o.columns)) return "";
     return boards + "are chessboards of one size, so that no image tells them apart; take one out";
   }
   const int first = std::max(d.first_id, o.first_id);
-  if (d.kind == BoardKind::kTags) {
+  if (!aruco) {
     if (d.family != o.family || !board.HasTag(first) || !other.HasTag(first)) return "";
     return absl::StrCat(boards, "both have tag ", first, " of ", d.family,
                         "; print one of them with another first_id");
   }
-  const auto beyond = [](const BoardDescription& b) { return b.first_id + b.rows * b.columns / 2; };
-  if (d.dictionary != o.dictionary || first >= std::min(beyond(d), beyond(o))) return "";
-  return absl::StrCat(boards, "both have marker ", first, " of ", d.dictionary,
+  const auto markers = [](const BoardDescription& b) {
+    return b.kind == BoardKind::kTags      ? b.family
+           : b.kind == BoardKind::kCharuco ? b.dictionary
+                                           : "";
+  };
+  const auto beyond = [](const BoardDescription& b) {
+    const int count = b.rows * b.columns;
+    return b.first_id + (b.kind == BoardKind::kTags ? count : count / 2);
+  };
+  if (markers(d) != markers(o) || first >= std::min(beyond(d), beyond(o))) return "";
+  return absl::StrCat(boards, "both have marker ", first, " of ", markers(d),
                       "; print one of them with another first_id");
 }
 

@@ -25,7 +25,7 @@ namespace silhouette {
 using MarkCorners = std::vector<Eigen::Vector3d>;
 
 enum class BoardKind {
-  kTags,        // AprilTags, black on white, with gaps between them
+  kTags,        // AprilTags or ArUco markers, black on white, with gaps between them
   kChessboard,  // squares; its marks are the inner corners
   kCharuco,     // a chessboard with ArUco markers in its white squares; marks: the inner corners
 };
@@ -33,7 +33,7 @@ enum class BoardKind {
 struct BoardDescription {
   std::string name;  // what messages and files call it
   BoardKind kind = BoardKind::kTags;
-  std::string family = "tagStandard41h12";  // tags: the AprilTag library's name of it
+  std::string family = "tagStandard41h12";  // tags: as of TagFamily
   std::string dictionary = "DICT_4X4_50";   // ChArUco: OpenCV's name of it
   // Of tags; of a chessboard's inner corners; of a ChArUco board's squares.
   int rows = 1;
@@ -131,7 +131,7 @@ class Board {
 // The boards of a calibration session as a YAML file: a list of
 //
 //   - name: wall                  # as messages call it
-//     family: tagStandard41h12    # of its tags; this one if not said
+//     family: tagStandard41h12    # of its tags; this one if not said; or OpenCV's dictionary
 //     rows: 4                     # of tags; 1 if not said
 //     columns: 6
 //     tag_size: 0.040             # metres, from corner to corner

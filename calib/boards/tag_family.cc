@@ -15,9 +15,11 @@ extern "C" {
 #include <apriltag/common/image_u8.h>
 }
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "calib/boards/charuco.h"
 #include "common/yaml/strict_yaml.h"
 
 namespace silhouette {
@@ -60,7 +62,8 @@ AprilTagFamily Create(const std::string& name) {
   const std::string near = NearestWord(name, TagFamily::Names());
   throw std::invalid_argument("there is no tag family '" + name + "'" +
                               (near.empty() ? "" : ", did you mean '" + near + "'?") +
-                              " The families are " + ListOfWords(TagFamily::Names()));
+                              " The families are " + ListOfWords(TagFamily::Names()) +
+                              ", and OpenCV's dictionaries of ArUco markers, such as DICT_4X4_50");
 }
 
 // Which modules carry data or border. The others, around a round tag or in the hollow of a nested
@@ -89,7 +92,13 @@ std::vector<bool> MeaningfulModules(const apriltag_family& family) {
 
 }  // namespace
 
-TagFamily::TagFamily(const std::string& name) : name_(name), family_(Create(name)) {}
+TagFamily::TagFamily(const std::string& name) : name_(name) {
+  if (name.starts_with("DICT_")) {
+    ArucoDictionary(name);  // throws
+  } else {
+    family_ = Create(name);
+  }
+}
 
 const std::vector<std::string>& TagFamily::Names() {
   static const std::vector<std::string> names = [] {
@@ -100,15 +109,32 @@ const std::vector<std::string>& TagFamily::Names() {
   return names;
 }
 
-int TagFamily::tags() const { return static_cast<int>(family_->ncodes); }
-int TagFamily::total_width() const { return family_->total_width; }
-int TagFamily::width_at_border() const { return family_->width_at_border; }
-bool TagFamily::reversed_border() const { return family_->reversed_border; }
+int TagFamily::tags() const {
+  return family_ ? static_cast<int>(family_->ncodes) : ArucoDictionary(name_)->bytesList.rows;
+}
+int TagFamily::total_width() const {
+  return family_ ? family_->total_width : width_at_border() + 2;
+}
+int TagFamily::width_at_border() const {
+  return family_ ? family_->width_at_border : ArucoDictionary(name_)->markerSize + 2;
+}
+bool TagFamily::reversed_border() const { return family_ && family_->reversed_border; }
 
 TagModules TagFamily::Modules(int id) const {
   if (id < 0 || id >= tags()) {
     throw std::out_of_range(name_ + " has no tag " + std::to_string(id) + ", its ids are 0 to " +
                             std::to_string(tags() - 1));
+  }
+  if (!family_) {
+    const TagModules marker = ArucoModules(*ArucoDictionary(name_), id);
+    TagModules modules{.width = marker.width + 2, .white = {}};
+    for (int row = -1; row <= marker.width; ++row) {
+      for (int column = -1; column <= marker.width; ++column) {
+        const bool rim = std::min(row, column) < 0 || std::max(row, column) == marker.width;
+        modules.white.push_back(rim || marker.White(column, row));
+      }
+    }
+    return modules;
   }
   const std::vector<bool> meaningful = MeaningfulModules(*family_);
   image_u8_t* image = apriltag_to_image(family_.get(), id);

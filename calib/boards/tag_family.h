@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// TagFamily: the tags of one of the AprilTag library's families as modules, its black and white
-// squares.
+// TagFamily: the tags of one of the AprilTag library's families, or the markers of one of OpenCV's
+// ArUco dictionaries, as modules, its black and white squares.
 #pragma once
 
 #include <memory>
@@ -29,10 +29,12 @@ class TagFamily {
   // Throws std::invalid_argument, with the families there are and the nearest, for any other name.
   explicit TagFamily(const std::string& name);
 
-  // tagStandard41h12, tag36h11, ...; the default first.
+  // The library's: tagStandard41h12, tag36h11, ...; the default first.
   static const std::vector<std::string>& Names();
 
   const std::string& name() const { return name_; }
+  // Whether it is a dictionary, such as DICT_4X4_50. The rim of its prints may overlap.
+  bool is_dictionary() const { return !family_; }
   // The ids are 0 to tags() - 1.
   int tags() const;
   // Modules along a side of the print.
@@ -46,12 +48,12 @@ class TagFamily {
   // Throws std::out_of_range if there is no such id.
   TagModules Modules(int id) const;
 
-  // A new one of the library's, of this family.
+  // A new one of the library's, of this family. Throws std::invalid_argument for a dictionary.
   AprilTagFamily Library() const;
 
  private:
   std::string name_;
-  std::shared_ptr<apriltag_family> family_;
+  std::shared_ptr<apriltag_family> family_;  // of a dictionary: null
 };
 
 }  // namespace silhouette

@@ -6,12 +6,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <opencv2/aruco.hpp>
 #include <opencv2/imgproc.hpp>
 #include <set>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
 
+#include "calib/boards/charuco.h"
 #include "calib/boards/tag_family.h"
 #include "common/numbers/numbers.h"
 
@@ -42,6 +44,24 @@ PixelCorners CornersOf(const apriltag_detection_t& detection) {
   PixelCorners corners;
   for (int i = 0; i < 4; ++i) corners[i] = {detection.p[i][0] - 0.5, detection.p[i][1] - 0.5};
   return corners;
+}
+
+struct FoundMarker {
+  int id = 0;
+  PixelCorners corners;  // in the order of tags
+};
+
+std::vector<FoundMarker> FindMarkers(const std::string& dictionary, const cv::Mat& image) {
+  std::vector<int> ids;
+  std::vector<std::vector<cv::Point2f>> found;
+  // To a pixel; OpenCV's refinement takes inner corners of small markers.
+  cv::aruco::detectMarkers(image, ArucoDictionary(dictionary), found, ids);
+  std::vector<FoundMarker> markers;
+  for (size_t i = 0; i < ids.size(); ++i) {
+    FoundMarker& marker = markers.emplace_back(FoundMarker{.id = ids[i], .corners = {}});
+    for (size_t k = 0; k < 4; ++k) marker.corners[k] = {found[i][3 - k].x, found[i][3 - k].y};
+  }
+  return markers;
 }
 
 // The squares that Kalibr prints touch its tags' corners. They come apart where bright areas
@@ -82,6 +102,7 @@ double LibrarySigma(double size, double module, double blur) {
 }  // namespace
 
 struct TagDetector::Library {
+  std::vector<TagFamily> dictionaries;
   std::vector<AprilTagFamily> families;
   std::map<const apriltag_family_t*, TagFamily> descriptions;
   bool kalibr = false;
@@ -95,6 +116,10 @@ TagDetector::TagDetector(const std::vector<std::string>& families)
   if (families.empty()) throw std::invalid_argument("no tag family is to be looked for");
   for (const std::string& name : families) {
     const TagFamily family(name);
+    if (family.is_dictionary()) {
+      library_->dictionaries.push_back(family);
+      continue;
+    }
     AprilTagFamily& added = library_->families.emplace_back(family.Library());
     library_->descriptions.emplace(added.get(), family);
     library_->kalibr = library_->kalibr || name == kKalibrFamily;
@@ -114,7 +139,30 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
   std::vector<DetectedTag> tags;
   std::vector<double> modules;
   std::vector<double> blurs;
-  for (int grown = 0; grown <= (library_->kalibr ? kMostGrown : 0); ++grown) {
+  const auto add = [&](const TagFamily& family, int id, const PixelCorners& corners, bool sure) {
+    const double module = ShortestSide(corners) / family.width_at_border();
+    DetectedTag tag{
+        .family = family.name(), .tag = id, .corners = {corners.begin(), corners.end()}};
+    tag.size = MeanSide(corners);
+    const auto fitted = FitCorners(image, lens, corners, module);
+    if (fitted && module > kLeastModuleInBlurs * fitted->blur) {
+      tag.fitted = true;
+      tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
+      tag.sigma = fitted->sigma;
+      tag.blur = fitted->blur;
+    }
+    if (!sure && !tag.fitted) return;
+    if (fitted) blurs.push_back(fitted->blur);
+    modules.push_back(module);
+    tags.push_back(std::move(tag));
+  };
+  for (const TagFamily& dictionary : library_->dictionaries) {
+    for (const FoundMarker& marker : FindMarkers(dictionary.name(), image)) {
+      add(dictionary, marker.id, marker.corners, false);
+    }
+  }
+  const int rounds = library_->families.empty() ? 0 : library_->kalibr ? 1 + kMostGrown : 1;
+  for (int grown = 0; grown < rounds; ++grown) {
     std::set<std::pair<std::string, int>> known;
     for (const DetectedTag& tag : tags) known.emplace(tag.family, tag.tag);
     const cv::Mat searched = Grown(image, grown);
@@ -128,23 +176,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
           (family.name() != kKalibrFamily || known.contains({family.name(), detection->id}))) {
         continue;
       }
-      const PixelCorners corners = MovedOut(CornersOf(*detection), grown);
-      const double module = ShortestSide(corners) / family.width_at_border();
-      DetectedTag tag{.family = family.name(),
-                      .tag = detection->id,
-                      .corners = {corners.begin(), corners.end()}};
-      tag.size = MeanSide(corners);
-      const auto fitted = FitCorners(image, lens, corners, module);
-      if (fitted && module > kLeastModuleInBlurs * fitted->blur) {
-        tag.fitted = true;
-        tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
-        tag.sigma = fitted->sigma;
-        tag.blur = fitted->blur;
-      }
-      if (grown > 0 && !tag.fitted) continue;
-      if (fitted) blurs.push_back(fitted->blur);
-      modules.push_back(module);
-      tags.push_back(std::move(tag));
+      add(family, detection->id, MovedOut(CornersOf(*detection), grown), grown == 0);
     }
     apriltag_detections_destroy(detections);
   }

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // TagDetector: the AprilTags in an image, with corners to some hundredths of a pixel.
 //
-// The AprilTag library finds the tags. Where a tag is large enough, steps are fitted to the grey
-// values beside its four edges, in undistorted coordinates if the lens is known, else with curved
-// edges; its corners are where they meet. Smaller ones keep the library's corners.
+// The AprilTag library finds the tags, OpenCV those of ArUco dictionaries. Where a tag is large
+// enough, steps are fitted to the grey values beside its four edges, in undistorted coordinates if
+// the lens is known, else with curved edges; its corners are where they meet. Smaller AprilTags
+// keep the library's corners, smaller ArUco markers are left out.
 #pragma once
 
 #include <array>

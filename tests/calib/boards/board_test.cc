@@ -267,6 +267,19 @@ TEST(BoardFile, TagsOnTwoBoardsAreRefused) {
             "");
 }
 
+// Their rims may overlap: OpenCV's GridBoards have gaps of a fraction of a marker.
+TEST(BoardFile, GridsOfArucoMarkersAreTagsOfADictionary) {
+  const std::string grid =
+      "- {name: a, family: DICT_4X4_50, rows: 5, columns: 7, tag_size: 0.04, gap: 0.01}\n";
+  EXPECT_EQ(BoardFileMessageFor(grid), "");
+  EXPECT_THAT(
+      BoardFileMessageFor(
+          "- {name: a, family: DICT_4X4_50, rows: 8, columns: 7, tag_size: 0.04, gap: 0.01}\n"),
+      HasSubstr("its ids are 0 to 55, but DICT_4X4_50 has only 0 to 49"));
+  EXPECT_THAT(BoardFileMessageFor(grid + "- {name: b, charuco: 5x5, square: 0.04, marker: 0.03}\n"),
+              HasSubstr("both have marker 0 of DICT_4X4_50"));
+}
+
 }  // namespace
 
 }  // namespace silhouette

@@ -5,6 +5,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <opencv2/aruco.hpp>
+#include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -47,6 +49,17 @@ Board AprilGrid() {
                 .tag_size = 0.085,
                 .gap = 0.0255,
                 .from_bottom = true});
+}
+
+// A GridBoard of OpenCV.
+Board ArucoGrid() {
+  return Board({.name = "markers",
+                .family = "DICT_5X5_100",
+                .rows = 3,
+                .columns = 4,
+                .tag_size = 0.06,
+                .gap = 0.015,
+                .first_id = 20});
 }
 
 struct Sight {
@@ -107,6 +120,47 @@ TEST(BoardDetector, CornersOfEachKindAreGoodToHundredthsOfAPixelAtASessionsAngle
     EXPECT_LT(errors.worst, 0.25);
     EXPECT_GT(errors.chi2, 0.2);
     EXPECT_LT(errors.chi2, 2);
+  }
+}
+
+TEST(BoardDetector, CornersOfArucoMarkersAreGoodToHundredthsOfAPixelFromAllSides) {
+  const Board board = ArucoGrid();
+  for (int seed = 1; seed <= 6; ++seed) {
+    const CornerErrors errors =
+        ErrorsIn(Seen(board, {.distance = 0.55, .tilt = 0.7, .turn = seed * 1.1}, seed), board);
+    EXPECT_GE(errors.corners, 40u) << seed;
+    EXPECT_LT(errors.rms, 0.06) << seed;
+    EXPECT_LT(errors.worst, 0.25) << seed;
+    EXPECT_LT(errors.chi2, 2.5) << seed;
+  }
+}
+
+// The markers as OpenCV draws and numbers them.
+TEST(BoardDetector, AGridBoardThatOpenCvDrewHasItsIdsAndCornersWhereTheBoardHasThem) {
+  const Board board = ArucoGrid();
+  const auto drawn = cv::aruco::GridBoard::create(
+      4, 3, 0.06f, 0.015f, cv::aruco::getPredefinedDictionary(cv::aruco::DICT_5X5_100), 20);
+  cv::Mat image;
+  drawn->draw({640, 480}, image, 40, 1);
+  BoardDetector detector({board});
+  const std::vector<DetectedTag> tags = detector.Detect(image);
+  ASSERT_EQ(tags.size(), 12u);
+  std::vector<cv::Point2d> on_board;
+  std::vector<cv::Point2d> seen;
+  for (const DetectedTag& tag : tags) {
+    for (size_t i = 0; i < 4; ++i) {
+      const Eigen::Vector3d corner = board.CornersOf(tag.tag)[i];
+      on_board.emplace_back(corner.x(), corner.y());
+      seen.emplace_back(tag.corners[i].x(), tag.corners[i].y());
+    }
+  }
+  const cv::Mat affine = cv::estimateAffinePartial2D(on_board, seen);
+  EXPECT_NEAR(affine.at<double>(0, 1), 0, 5) << "not turned: x is to the right, pixels a metre";
+  EXPECT_GT(affine.at<double>(0, 0), 0);
+  for (size_t i = 0; i < seen.size(); ++i) {
+    const cv::Mat at = affine * cv::Mat(cv::Vec3d(on_board[i].x, on_board[i].y, 1));
+    EXPECT_NEAR(at.at<double>(0), seen[i].x, 1) << i;
+    EXPECT_NEAR(at.at<double>(1), seen[i].y, 1) << i;
   }
 }
 
