@@ -8,6 +8,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -24,6 +25,11 @@ constexpr double kDoubtedRms = 0.2 / 640;
 constexpr double kRefusedRms = 1.0 / 640;  // shares of the image's width
 constexpr double kOtherGap = 0.03;         // of a tag; distortion takes a third of it
 constexpr size_t kLeastNeighbours = 20;
+// The next tag lies beside one if it is so near to there, in pitches.
+constexpr double kBeside = 0.4;
+// Shares of pairs of tags: so many contradict a wrong first id, and so few the right one.
+constexpr double kWrongId = 0.08;
+constexpr double kRightId = 0.02;
 // Two lenses explain what one does not if each is off by a third of it or less.
 constexpr double kExplains = 3;
 
@@ -77,6 +83,41 @@ std::optional<double> GapSeen(const Board& board, const std::vector<TagSighting>
   }
   if (gaps.size() < kLeastNeighbours) return std::nullopt;
   return Median(std::move(gaps));
+}
+
+// Ids of which the next one was seen beside them, on their right, or elsewhere: how often.
+struct NextSeen {
+  int beside = 0;
+  int elsewhere = 0;
+};
+
+std::map<int, NextSeen> NextTagsSeen(const Board& board,
+                                     const std::vector<TagSighting>& sightings) {
+  std::map<std::tuple<std::string, std::string, int>, const TagSighting*> seen;
+  for (const TagSighting& tag : sightings) {
+    if (board.HasTag(tag.family, tag.tag)) seen[{tag.view, tag.frame, tag.tag}] = &tag;
+  }
+  const double pitch = 1 + board.description().gap / board.description().tag_size;
+  std::map<int, NextSeen> ids;
+  for (const auto& [key, tag] : seen) {
+    const auto next = seen.find({tag->view, tag->frame, tag->tag + 1});
+    if (next == seen.end()) continue;
+    const Eigen::Vector2d step =
+        Middle(UnitFromPixels(*tag), *next->second) - Eigen::Vector2d(0.5 + pitch, 0.5);
+    ++(step.norm() < kBeside * pitch ? ids[tag->tag].beside : ids[tag->tag].elsewhere);
+  }
+  return ids;
+}
+
+// How often the next tag was not where it is if rows begin at `first`, and at every row's length
+// from there.
+int Contradictions(const std::map<int, NextSeen>& ids, int first, int columns) {
+  int sum = 0;
+  for (const auto& [id, next] : ids) {
+    const bool ends_row = ((id - first) % columns + columns) % columns == columns - 1;
+    sum += ends_row ? next.beside : next.elsewhere;
+  }
+  return sum;
 }
 
 using Frames = std::set<std::string>;
@@ -133,6 +174,29 @@ std::string WrongGaps(const std::vector<Board>& boards, const std::vector<TagSig
         d.name, gap, 1000 * d.tag_size * gap, d.gap / d.tag_size, 1000 * d.gap));
   }
   return absl::StrJoin(wrong, "; ");
+}
+
+absl::Status CheckFirstIds(const std::vector<Board>& boards,
+                           const std::vector<TagSighting>& sightings) {
+  for (const Board& board : boards) {
+    const BoardDescription& d = board.description();
+    if (d.kind != BoardKind::kTags || d.rows < 2 || d.columns < 2) continue;
+    const std::map<int, NextSeen> ids = NextTagsSeen(board, sightings);
+    double pairs = 0;
+    for (const auto& [id, next] : ids) pairs += next.beside + next.elsewhere;
+    if (pairs < kLeastNeighbours || Contradictions(ids, d.first_id, d.columns) < kWrongId * pairs) {
+      continue;
+    }
+    for (int off = 1; off < d.columns; ++off) {
+      // The nearest first: 1 more, 1 less, 2 more, ...
+      const int first = d.first_id + (off % 2 == 1 ? (off + 1) / 2 : -off / 2);
+      if (first < 0 || Contradictions(ids, first, d.columns) > kRightId * pairs) continue;
+      return FailedPrecondition("by the images the rows of board '", d.name, "' begin at tags ",
+                                first, ", ", first + d.columns, " and so on: its first_id",
+                                " (Kalibr's codeOffset) is ", first, ", not ", d.first_id);
+    }
+  }
+  return absl::OkStatus();
 }
 
 absl::Status CheckFit(const std::vector<LensCamera>& cameras, const std::vector<Board>& boards,

@@ -16,6 +16,11 @@ namespace silhouette {
 // gap that was seen. Empty: none.
 std::string WrongGaps(const std::vector<Board>& boards, const std::vector<TagSighting>& sightings);
 
+// FailedPrecondition: by the images the rows of a board's tags begin at other ids than described,
+// as its first id is wrong; with the one that they say. Needs no lenses, and takes no time.
+absl::Status CheckFirstIds(const std::vector<Board>& boards,
+                           const std::vector<TagSighting>& sightings);
+
 // FailedPrecondition with the reason: corners are off by tens of their sigmas and some tenths of a
 // pixel (in images of 640 pixels' width), and another gap between tags, or two lenses, explain it;
 // or they are off by more than a pixel. Of lenses that are held fixed nothing is said.

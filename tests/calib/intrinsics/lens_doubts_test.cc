@@ -55,6 +55,22 @@ TEST(LensDoubts, AnotherGapBetweenTagsIsNamed) {
   EXPECT_FALSE(FitOf(AprilGridWithGap(0.25), sightings).ok());
 }
 
+Board GridFrom(int first_id) {
+  BoardDescription d = AprilGridWithGap(0.3).description();
+  d.first_id = first_id;
+  return Board(d);
+}
+
+TEST(LensDoubts, AFirstIdThatIsOffIsNamedAndTheRightOneIsTaken) {
+  const auto sightings = SeenBy(CamerasOnAnArc(1)[0], GridFrom(5), 20, "", 6);
+  EXPECT_TRUE(CheckFirstIds({GridFrom(5)}, sightings).ok());
+  for (const int stated : {4, 6}) {
+    EXPECT_THAT(std::string(CheckFirstIds({GridFrom(stated)}, sightings).message()),
+                HasSubstr("(Kalibr's codeOffset) is 5, not " + std::to_string(stated)));
+  }
+  EXPECT_TRUE(CheckFirstIds({GridFrom(1)}, sightings).ok()) << "rows are whole: a row lower";
+}
+
 TEST(LensDoubts, ImagesOfAnotherCameraAmongThemAreNamed) {
   const Board board = LatticeBoard();
   const CameraModel camera = CamerasOnAnArc(1)[0];
