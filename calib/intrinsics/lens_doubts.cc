@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -187,13 +188,20 @@ absl::Status CheckFirstIds(const std::vector<Board>& boards,
     if (pairs < kLeastNeighbours || Contradictions(ids, d.first_id, d.columns) < kWrongId * pairs) {
       continue;
     }
+    int lowest = std::numeric_limits<int>::max();  // seen, where another first id may be
+    for (const TagSighting& tag : sightings) {
+      if (tag.family == d.family && tag.tag > d.first_id - d.columns) {
+        lowest = std::min(lowest, tag.tag);
+      }
+    }
     for (int off = 1; off < d.columns; ++off) {
       // The nearest first: 1 more, 1 less, 2 more, ...
       const int first = d.first_id + (off % 2 == 1 ? (off + 1) / 2 : -off / 2);
-      if (first < 0 || Contradictions(ids, first, d.columns) > kRightId * pairs) continue;
-      return FailedPrecondition("by the images the rows of board '", d.name, "' begin at tags ",
-                                first, ", ", first + d.columns, " and so on: its first_id",
-                                " (Kalibr's codeOffset) is ", first, ", not ", d.first_id);
+      if (first < 0 || first > lowest) continue;
+      if (Contradictions(ids, first, d.columns) > kRightId * pairs) continue;
+      return InvalidArgument("by the images the rows of board '", d.name, "' begin at tags ", first,
+                             ", ", first + d.columns, " and so on: its first_id",
+                             " (Kalibr's codeOffset) is ", first, ", not ", d.first_id);
     }
   }
   return absl::OkStatus();

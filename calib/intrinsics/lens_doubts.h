@@ -16,7 +16,7 @@ namespace silhouette {
 // gap that was seen. Empty: none.
 std::string WrongGaps(const std::vector<Board>& boards, const std::vector<TagSighting>& sightings);
 
-// FailedPrecondition: by the images the rows of a board's tags begin at other ids than described,
+// InvalidArgument: by the images the rows of a board's tags begin at other ids than described,
 // as its first id is wrong; with the one that they say. Needs no lenses, and takes no time.
 absl::Status CheckFirstIds(const std::vector<Board>& boards,
                            const std::vector<TagSighting>& sightings);

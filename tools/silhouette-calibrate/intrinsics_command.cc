@@ -225,6 +225,7 @@ absl::StatusOr<std::vector<std::string>> Write(const IntrinsicsArguments& argume
 absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
   if (!arguments.from.empty()) return Convert(arguments);
   ASSIGN_OR_RETURN(const Input input, ReadInput(arguments));
+  RETURN_IF_ERROR(CheckFirstIds(input.boards, input.sightings));
   arguments.settings.board_warp = !arguments.flat;
   arguments.settings.simultaneous = !arguments.not_simultaneous;
   const absl::StatusOr<LensSolution> solution =

@@ -16,6 +16,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "calib/camera/camera_model.h"
+#include "calib/intrinsics/lens_doubts.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_files.h"
 #include "calib/poses/pose_frames.h"
@@ -252,6 +253,9 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   RETURN_IF_ERROR(ReadViews(sources, problem));
   RETURN_IF_ERROR(PlaceBoards(sources, problem));
   ASSIGN_OR_RETURN(problem.sightings, ReadSightings(sources.corners, sources.sigma));
+  std::vector<Board> boards;
+  for (const PoseBoard& board : problem.boards) boards.push_back(board.board);
+  RETURN_IF_ERROR(CheckFirstIds(boards, problem.sightings));
   RETURN_IF_ERROR(TakeRobotPoses(sources, problem));
   return problem;
 }
