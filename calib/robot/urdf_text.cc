@@ -171,9 +171,11 @@ absl::Status CompleteLimits(const std::string& path, TiXmlElement& robot) {
     const bool has_range = limit != nullptr && (limit->Attribute("lower") != nullptr ||
                                                 limit->Attribute("upper") != nullptr);
     if (ranges && !mimics && !has_range) {
-      return InvalidArgument(path, ":", joint->Row(), ": joint '", text("name"),
-                             "' has no limits; state <limit lower=\"...\" upper=\"...\"/>, or "
-                             "type=\"fixed\"");
+      return InvalidArgument(
+          path, ":", joint->Row(), ": joint '", text("name"),
+          "' has no limits; state <limit lower=\"...\" upper=\"...\"/>, or ",
+          text("type") == "revolute" ? "type=\"continuous\" if it turns without end, or " : "",
+          "type=\"fixed\" if it does not move");
     }
     if (limit == nullptr) {
       if (!ranges) continue;

@@ -30,7 +30,9 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
   if (const auto index = model.JointIndex(name)) return model.joints()[*index];
   std::vector<std::string> known;
   for (const RobotJoint& joint : model.joints()) known.push_back(joint.name);
-  node.Fail("the model has no moving joint '" + name + "'; it has " + ListOfWords(known));
+  node.Fail("the model has no moving joint '" + name + "'; " +
+            (known.empty() ? "all of its joints are fixed: correct the URDF's joint types"
+                           : "it has " + ListOfWords(known)));
 }
 
 // More radians without a unit are probably degrees.

@@ -204,7 +204,9 @@ TEST(RobotModel, LimitsNeedARangeAndNothingElse) {
     EXPECT_EQ(ErrorOf(joint(type, "<limit lower='-1' upper='2' effort='3'/>")), "no error");
     for (const std::string limit : {"", "<limit/>", "<limit effort='1' velocity='1'/>"}) {
       EXPECT_THAT(ErrorOf(joint(type, limit)),
-                  HasSubstr("joint 'j' has no limits; state <limit lower="));
+                  AllOf(HasSubstr("joint 'j' has no limits; state <limit lower="),
+                        HasSubstr(type == "revolute" ? "/>, or type=\"continuous\" if it turns"
+                                                     : "/>, or type=\"fixed\" if it does not")));
     }
   }
   EXPECT_EQ(ErrorOf(joint("continuous", "<limit effort='1'/>")), "no error");

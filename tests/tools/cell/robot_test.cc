@@ -117,6 +117,15 @@ TEST(Cell, RobotImagesAreCapturedUnlessTheFileHasThemDrawn) {
   EXPECT_FALSE((*drawn)->forbidden.Between(before, before));
 }
 
+TEST(Cell, ModelWithoutAMovingJointIsNamedAsSuch) {
+  const std::string urdf = (TestFolder() / "still.urdf").string();
+  std::ofstream(urdf) << "<robot name='r'><link name='a'/><link name='b'/><joint name='j' "
+                         "type='fixed'><parent link='a'/><child link='b'/></joint></robot>";
+  EXPECT_THAT(MessageOf("name: x\nrobot: {urdf: " + urdf +
+                        ", images: drawn, joints: [{name: j}]}\nviews: [{name: top}]\n"),
+              HasSubstr("the model has no moving joint 'j'; all of its joints are fixed: correct"));
+}
+
 TEST(Cell, WithoutAGridOnlyTheLimitsOfADrawnRobotAreKnown) {
   const auto cell = Load(SixJoints("  images: drawn\n"));
   ASSERT_TRUE(cell.ok()) << cell.status();
