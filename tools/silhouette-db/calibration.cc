@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "calib/files/calibration_message.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
@@ -25,6 +26,7 @@ constexpr char kTakenUp[] = "a running silhouette-server takes it up on SIGHUP";
 
 struct CalibrationOptions : DatabaseOptions {
   std::vector<std::string> inputs;
+  std::string cell;  // file
   std::string out;
   bool force = false;
   double margin = CalibrationSettings{}.margin;
@@ -40,10 +42,34 @@ std::string CalibrationKindOf(const storage::v1::Calibration& calibration) {
   return absl::StrCat(calibration.fundamental_matrices_size(), " fundamental matrices");
 }
 
+// The database of --cell, made if there is none and its robot images are drawn. A calibration that
+// cannot be imported makes none.
+absl::StatusOr<std::unique_ptr<Database>> OpenForImport(const CalibrationOptions& options) {
+  if (options.cell.empty()) return Database::Open(options.database, Database::Access::kWrite);
+  ASSIGN_OR_RETURN(const Cell cell, LoadCell(options.cell, options.database));
+  auto database = OpenOfCell(options.database, cell);
+  if (!absl::IsNotFound(database.status())) return database;
+  if (!cell.robot.drawn) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(database.status().message(), "; the robot images of '", options.cell,
+                     "' are captured: make it with 'silhouette-capture reference' or "
+                     "'silhouette-db import'"));
+  }
+  const storage::v1::CellDescription description = DescriptionOf(cell);
+  ASSIGN_OR_RETURN(const auto stored, ReadCalibration(options.inputs, description));
+  ASSIGN_OR_RETURN(const Calibration calibration, CalibrationFrom(stored));
+  if (calibration.cameras.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("robot images of '", options.cell,
+                     "' can be drawn only with camera models, not with fundamental matrices"));
+  }
+  RETURN_IF_ERROR(CheckLines(calibration, description));
+  return Database::Create(options.database, description);
+}
+
 absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
   CatchStopSignals();
-  ASSIGN_OR_RETURN(const std::unique_ptr<Database> opened,
-                   Database::Open(options.database, Database::Access::kWrite));
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> opened, OpenForImport(options));
   Database& database = *opened;
   ASSIGN_OR_RETURN(const auto calibration, ReadCalibration(options.inputs, database.cell()));
   std::string said;
@@ -210,6 +236,9 @@ void AddImportTo(CLI::App& parent, Work& work) {
                   "A folder of camera models, or one per view: FILE, named VIEW.cameramodel, or "
                   "VIEW=FILE; or one YAML file: calibration.yaml, or fundamental matrices")
       ->required();
+  command.add_option("--cell", options.cell,
+                     "The cell file: makes the database if it is missing and robot images are "
+                     "drawn");
   command.add_flag("--force", options.force, "Import it even if it contradicts the robot images");
   AddMargin(command, options);
   command.footer(
@@ -222,7 +251,8 @@ void AddImportTo(CLI::App& parent, Work& work) {
       "  silhouette-db calibration import cell.lmdb cameras/calibration.yaml\n"
       "  silhouette-db calibration import cell.lmdb cameras/\n"
       "  silhouette-db calibration import cell.lmdb top=a.cameramodel left=b.cameramodel\n"
-      "  silhouette-db calibration import cell.lmdb matrices.yaml");
+      "  silhouette-db calibration import cell.lmdb matrices.yaml\n"
+      "  silhouette-db calibration import cell.lmdb cameras/ --cell cell.yaml");
 }
 
 void AddExportTo(CLI::App& parent, Work& work) {

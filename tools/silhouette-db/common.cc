@@ -35,6 +35,17 @@ absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path, const std
   return OpenedDatabase{std::move(database), std::move(snapshot)};
 }
 
+absl::StatusOr<std::unique_ptr<Database>> OpenOfCell(const std::string& path, const Cell& cell) {
+  auto database = Database::Open(path, Database::Access::kWrite);
+  if (!database.ok()) return database;
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(cell), "the cell file", (*database)->cell(), "the database");
+  if (differences.empty()) return database;
+  return absl::FailedPreconditionError(absl::StrCat("database '", path,
+                                                    "' is not that of cell file '", cell.file,
+                                                    "': ", absl::StrJoin(differences, "; ")));
+}
+
 void AddVariantOption(CLI::App& command, std::string& variant) {
   command.add_option("--variant", variant, "The variant, by its name")->capture_default_str();
 }

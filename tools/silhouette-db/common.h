@@ -13,6 +13,7 @@
 #include "db/store/collision_index.h"
 #include "db/store/schema.h"
 #include "db/store/store.h"
+#include "tools/cell/cell.h"
 
 namespace silhouette {
 
@@ -23,6 +24,9 @@ struct OpenedDatabase {
 };
 absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path,
                                               const std::string& variant = schema::kDefaultVariant);
+
+// For writing. NotFound: there is none; FailedPrecondition: it is of another cell.
+absl::StatusOr<std::unique_ptr<Database>> OpenOfCell(const std::string& path, const Cell& cell);
 
 // The view of a name, by its place in the cell's views; the first one if it is empty.
 // InvalidArgument, naming those that there are.

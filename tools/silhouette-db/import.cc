@@ -5,10 +5,10 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <optional>
 #include <unordered_map>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
@@ -34,17 +34,21 @@ struct ImportOptions {
 
 // The database of the cell, made if there is none.
 absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, const Cell& cell) {
-  const storage::v1::CellDescription description = DescriptionOf(cell);
-  absl::StatusOr<std::unique_ptr<Database>> database =
-      Database::Open(path, Database::Access::kWrite);
-  if (absl::IsNotFound(database.status())) return Database::Create(path, description);
-  if (!database.ok()) return database.status();
-  const std::vector<std::string> differences =
-      Differences(description, "the cell file", (*database)->cell(), "the database");
-  if (differences.empty()) return database;
-  return absl::FailedPreconditionError(absl::StrCat("database '", path,
-                                                    "' is not that of cell file '", cell.file,
-                                                    "': ", absl::StrJoin(differences, "; ")));
+  auto database = OpenOfCell(path, cell);
+  if (absl::IsNotFound(database.status())) return Database::Create(path, DescriptionOf(cell));
+  return database;
+}
+
+// Whether nothing was imported into a new database.
+bool IsEmpty(const Database& database) {
+  const auto usage = database.GetUsage();
+  const auto snapshot = database.Read();
+  if (!usage.ok() || !snapshot.ok()) return false;
+  const auto references = snapshot->References();
+  return references.ok() && !*references &&
+         std::ranges::all_of(usage->variants, [](const Database::Usage::Variant& variant) {
+           return variant.records == 0;
+         });
 }
 
 // Other robot images must not pass for those that were drawn.
@@ -149,6 +153,46 @@ absl::Status TakeReferences(const storage::v1::References& references, const std
   return database.SetReferences(references, program);
 }
 
+struct ImportSource {
+  std::string csv;
+  TableReader table;
+  std::ifstream file;  // at the first row below the header
+  std::optional<storage::v1::References> references;
+};
+
+absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& options,
+                                    ImportSource& source) {
+  const std::string program = absl::StrCat("silhouette-db import ", options.folder);
+  auto opened = whole.OpenVariant(options.variant);
+  if (absl::IsNotFound(opened.status())) opened = whole.CreateVariant(options.variant, program);
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database, std::move(opened));
+  RETURN_IF_ERROR(CheckNotDrawn(*database));
+  ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
+  Importer importer(source.csv, *database, writer, options.replace);
+  absl::Status status = TakeAll(source.csv, source.table, source.file, importer, writer);
+  if (status.ok() && source.references) {
+    status = TakeReferences(*source.references, program, *database);
+  }
+  const std::string& path = whole.path();
+  std::cout << Counted(writer.committed(), "record") << " imported into " << path;
+  if (importer.there_already() > 0) {
+    std::cout << ", " << importer.there_already() << " were there already";
+  }
+  std::cout << std::endl;
+  if (!status.ok()) return status;
+  if (StopRequested()) return Stopped("run it again to go on; what is imported stays");
+  if (importer.faults() == 0) {
+    std::cout << "next: silhouette-db index " << path << std::endl;
+    return kDone;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(importer.faults(),
+                   importer.faults() == kMostFaults ? " lines or more are wrong; mend them"
+                   : importer.faults() == 1         ? " line is wrong; mend it"
+                                                    : " lines are wrong; mend them",
+                   " and run it again, what is imported stays"));
+}
+
 absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   ASSIGN_OR_RETURN(const Cell cell, LoadCell(options.cell, options.database));
   const std::string& path = cell.database;
@@ -179,34 +223,16 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   file.seekg(rows);
 
   CatchStopSignals();
-  const std::string program = absl::StrCat("silhouette-db import ", options.folder);
+  const bool is_new = !fs::exists(path);
   ASSIGN_OR_RETURN(std::unique_ptr<Database> database, OpenOrCreate(path, cell));
-  if (options.variant != schema::kDefaultVariant) {
-    absl::StatusOr<std::unique_ptr<Database>> variant = database->OpenVariant(options.variant);
-    if (absl::IsNotFound(variant.status())) {
-      variant = database->CreateVariant(options.variant, program);
-    }
-    ASSIGN_OR_RETURN(database, std::move(variant));
+  ImportSource source{csv, table, std::move(file), references};
+  auto imported = ImportInto(*database, options, source);
+  if (is_new && IsEmpty(*database)) {
+    database.reset();
+    fs::remove_all(path);
+    std::cout << "no database is made" << std::endl;
   }
-  RETURN_IF_ERROR(CheckNotDrawn(*database));
-  ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
-  Importer importer(csv, *database, writer, options.replace);
-  absl::Status status = TakeAll(csv, table, file, importer, writer);
-  if (status.ok() && references) status = TakeReferences(*references, program, *database);
-  std::cout << Counted(writer.committed(), "record") << " imported into " << path;
-  if (importer.there_already() > 0) {
-    std::cout << ", " << importer.there_already() << " were there already";
-  }
-  std::cout << std::endl;
-  if (!status.ok()) return status;
-  if (StopRequested()) return Stopped("run it again to go on; what is imported stays");
-  if (importer.faults() == 0) {
-    std::cout << "next: silhouette-db index " << path << std::endl;
-    return kDone;
-  }
-  return absl::InvalidArgumentError(absl::StrCat(
-      importer.faults(), importer.faults() == kMostFaults ? " lines or more" : " lines",
-      " are wrong; mend them and run it again, what is imported stays"));
+  return imported;
 }
 
 }  // namespace

@@ -116,6 +116,43 @@ class CalibrationProgram : public ProgramTest {
   }
 };
 
+TEST_F(CalibrationProgram, ImportMakesTheDatabaseOfACellWhoseImagesAreDrawn) {
+  Write("robot.urdf",
+        "<robot name='r'><link name='a'/><link name='b'><visual><geometry><sphere radius='0.2'/>"
+        "</geometry></visual></link><joint name='axis_1' type='revolute'><parent link='a'/>"
+        "<child link='b'/><limit lower='-1' upper='1'/></joint></robot>");
+  const auto cell = [&](const std::string& images) {
+    Write("cell.yaml", "name: drawn\nrobot: {urdf: robot.urdf, images: " + images +
+                           ", joints: [{name: axis_1}]}\ngrid: {steps: {axis_1: 3}}\nviews:\n"
+                           "  - {name: left, image_size: [640, 480], mask_size: [64, 64]}\n"
+                           "  - {name: top, image_size: [330, 200], mask_size: [33, 20]}\n");
+  };
+  const auto refused = [&](const std::string& cameras) {
+    const Ended ended = Run("import new " + cameras + " --cell cell.yaml");
+    EXPECT_EQ(ended.exit_code, 2) << ended.out;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "new"));
+    return ended.err;
+  };
+  cell("captured");
+  EXPECT_THAT(refused("cameras"), HasSubstr("are captured: make it with"));
+  cell("drawn");
+  EXPECT_THAT(refused("nowhere"), HasSubstr("nowhere"));
+  WriteCameras("twice", {TrueCameras()[0], TrueCameras()[0]});
+  EXPECT_THAT(refused("twice"), HasSubstr("top"));
+
+  const Ended ended = Run("import new cameras --cell cell.yaml");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_THAT(ended.out, HasSubstr("2 camera models imported"));
+  const auto database = Database::Open(folder_ / "new", Database::Access::kRead);
+  ASSERT_TRUE(database.ok()) << database.status();
+  EXPECT_EQ((*database)->cell().name(), "drawn");
+  EXPECT_EQ((*database)->Read()->Calibration()->value().cameras_size(), 2);
+  // A database of another cell is refused, with or without this option's own.
+  const Ended other = Run("import db cameras --cell cell.yaml");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("is not that of cell file"));
+}
+
 TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {
   const uint64_t before = Generation();
   Ended outcome = Run("import db cameras");

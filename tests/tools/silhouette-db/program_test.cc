@@ -488,6 +488,23 @@ TEST_F(SilhouetteDb, ImportTellsWrongColumnsBeforeItMakesADatabase) {
       HasSubstr("column 'measured:axis_2' is missing; it is there for all joints or for none"));
 }
 
+TEST_F(SilhouetteDb, ImportOfWhichNothingIsTakenLeavesNoDatabase) {
+  Write("cell.yaml", kTestCellFile);
+  Write("l.png", EncodeMaskPng(OnePixel({64, 64})));
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
+  Write("configurations.csv", "axis_1,axis_2,left,top\n-0.9,-1,l.png,t.png\n");
+  for (const std::string variant : {"", " --variant open", " --variant no/name"}) {
+    const Ended outcome = Run("import . --cell cell.yaml --database db" + variant);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "db")) << variant;
+  }
+  EXPECT_THAT(Run("import . --cell cell.yaml --database db").err,
+              HasSubstr("1 line is wrong; mend it and run"));
+  MakeDatabase("db");
+  EXPECT_EQ(Run("import . --cell cell.yaml --database db").exit_code, 2);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "db")) << "it was there";
+}
+
 TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
   MakeDatabase("db");
   Write("cell.yaml", kTestCellFile);
