@@ -105,13 +105,6 @@ Cell ReadCell(const std::string& path) {
   return cell;
 }
 
-bool HasSources(const Cell& cell) {
-  for (const ViewSettings& view : cell.views) {
-    if (HasImages(view.source)) return true;
-  }
-  return false;
-}
-
 // A database that cannot be opened, or is not of the cell, is for those to report who use it.
 void TakeTilesOfDatabase(Cell& cell) {
   if (cell.database.empty()) return;
@@ -125,6 +118,13 @@ void TakeTilesOfDatabase(Cell& cell) {
 }
 
 }  // namespace
+
+bool HasSources(const Cell& cell) {
+  for (const ViewSettings& view : cell.views) {
+    if (HasImages(view.source)) return true;
+  }
+  return false;
+}
 
 std::string ResolvePath(const std::filesystem::path& folder, const std::string& path) {
   return (folder / path).lexically_normal().string();
@@ -221,7 +221,7 @@ std::vector<std::string> Doubts(const Cell& cell) {
         cell.sound->least_obstacle));
   }
   constexpr double kOfChord = 1.05;  // grid_move is along the arc, max_move along its chord
-  if (cell.grid_move > kOfChord * kMostMove) {
+  if (!cell.robot.drawn && cell.grid_move > kOfChord * kMostMove) {
     doubts.push_back(absl::StrFormat(
         "grid: steps: the robot moves by up to %.2g m from one grid value to the next: people are "
         "0.3 to 0.5 m thick, and between grid values they may be in no robot image; state more "

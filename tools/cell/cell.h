@@ -118,6 +118,9 @@ struct Cell {
 // not empty. If it is there already, and of such a grid, the grid's tiles are those that it has.
 absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& database = "");
 
+// Whether any view has camera images; otherwise all masks come from elsewhere.
+bool HasSources(const Cell& cell);
+
 // InvalidArgument, in one sentence with the mend: at some joint values of the cell, outside its
 // forbidden regions, a link that they move is beyond the workspace that the file states. Without
 // workspace or model there is nothing to compare. Takes a second at most.

@@ -3,11 +3,16 @@
 
 #include <algorithm>
 #include <optional>
+#include <random>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/status/status_macros.h"
+#include "server/collision/policy.h"
+#include "server/collision/voxel_space.h"
 #include "tools/cell/expected_robot.h"
 
 namespace silhouette {
@@ -34,6 +39,35 @@ absl::StatusOr<std::vector<RobotImage>> SomeImages(const Snapshot& snapshot, uin
     }
   }
   return images;
+}
+
+// Configurations by chance, the same for the same cell.
+std::vector<Configuration> SomeConfigurations(const ConfigurationGrid& grid,
+                                              const JointRegions& forbidden) {
+  constexpr int kTries = 500;
+  std::mt19937_64 random(1);
+  std::vector<Configuration> some;
+  for (int i = 0; i < kTries; ++i) {
+    Configuration q;
+    for (const GridJoint& joint : grid.joints()) {
+      q.push_back(std::uniform_real_distribution<double>(joint.lower, joint.upper)(random));
+    }
+    if (!forbidden.Between(q, q)) some.push_back(std::move(q));
+  }
+  return some;
+}
+
+// Those that a joint moves: no obstacle can come to be where the others are.
+std::vector<RobotPart> MovingParts(const DrawnRobot& robot) {
+  std::vector<RobotPart> moving;
+  for (size_t part = 0; part < robot.parts().size(); ++part) {
+    for (size_t joint = 0; joint < robot.chain().joints().size(); ++joint) {
+      if (robot.Lever(part, joint) == 0) continue;
+      moving.push_back(robot.parts()[part]);
+      break;
+    }
+  }
+  return moving;
 }
 
 }  // namespace
@@ -78,6 +112,42 @@ absl::StatusOr<std::vector<std::string>> MisplacedViews(const Cell& cell,
         captured > 0 ? 100 * common / captured : 0));
   }
   return sentences;
+}
+
+std::string PartialViews(const Cell& cell, const DrawnRobot& robot, const JointRegions& forbidden) {
+  constexpr double kMostCut = 0.01;
+  std::vector<RobotPart> moving = MovingParts(robot);
+  const std::vector<Configuration> some = SomeConfigurations(cell.grid, forbidden);
+  if (moving.empty() || some.empty()) return "";
+  const DrawnRobot drawn(robot.chain(), std::move(moving), robot.views());
+  std::vector<int> cut(cell.views.size());
+  for (const Configuration& q : some) {
+    const std::vector<Mask> masks = drawn.Touched(q);
+    for (size_t view = 0; view < cut.size(); ++view) {
+      cut[view] += MayReachBeyond(masks[view].words(), masks[view].size()) ? 1 : 0;
+    }
+  }
+  std::vector<std::string> names;
+  std::vector<std::string> shares;
+  for (size_t view = 0; view < cut.size(); ++view) {
+    const double share = cut[view] / static_cast<double>(some.size());
+    if (share <= kMostCut) continue;
+    names.push_back(absl::StrCat("'", cell.views[view].name, "'"));
+    shares.push_back(absl::StrFormat("%.0f %%", 100 * share));
+  }
+  if (names.empty()) return "";
+  const int views = static_cast<int>(cell.views.size());
+  const int whole = views - static_cast<int>(names.size());
+  const int enough = std::max(1, whole - kOccludedViews);
+  if (whole > 0 && cell.policy.min_views && *cell.policy.min_views <= enough) return "";
+  const bool one = names.size() == 1;
+  return absl::StrCat(
+      one ? "view " : "views ", absl::StrJoin(names, ", "), one ? " shows" : " show",
+      " only a part of the robot at ", absl::StrJoin(shares, ", "),
+      " of its joint values: what stands where ", one ? "it does" : "they do",
+      " not look counts as shown by at most ", whole, " of ", views,
+      " views, and all but the sound presets may miss it; turn or move the camera", one ? "" : "s",
+      whole > 0 ? absl::StrCat(", or state 'policy: {min_views: ", enough, "}'") : "");
 }
 
 }  // namespace silhouette

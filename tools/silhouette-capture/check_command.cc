@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,10 +14,13 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "calib/camera/calibration.h"
+#include "calib/files/calibration_message.h"
 #include "calib/robot/drawn_cell.h"
 #include "calib/robot/robot_model.h"
 #include "capture/devices/camera_set.h"
 #include "capture/verification/samples.h"
+#include "capture/verification/verified_robot.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -170,15 +174,38 @@ Findings OfCameras(const Cell& cell, CameraSet& cameras) {
   return findings;
 }
 
-// Whether the robot can be drawn, and what its model cannot show.
-Findings OfDrawnImages(const Cell& cell) {
+// What the cell's database has of a drawn robot; what it lacks, or cannot be read, OfCapture
+// reports.
+struct StoredOfDrawn {
+  Calibration calibration{};
+  std::vector<MaskSize> mask_sizes{};
+  std::optional<storage::v1::ModelVerification> verification{};
+};
+StoredOfDrawn ReadStoredOfDrawn(const CellFile& file) {
+  const auto database = OpenDatabase(file, Database::Access::kRead);
+  if (!database.ok()) return {};
+  const auto snapshot = (*database)->Read();
+  if (!snapshot.ok()) return {};
+  const auto stored = snapshot->Calibration();
+  const auto verification = snapshot->Verification();
+  if (!stored.ok() || !*stored || !verification.ok()) return {};
+  auto calibration = CalibrationFrom(**stored);
+  if (!calibration.ok() || calibration->cameras.empty()) return {};
+  return {*std::move(calibration), (*database)->mask_sizes(), *verification};
+}
+
+// Whether the robot can be drawn, what its model cannot show, and which views do not hold it.
+Findings OfDrawnImages(const CellFile& file) {
+  const Cell& cell = file.cell;
   const auto drawn = DrawnCellOf(cell);
   if (!drawn.ok()) return {{"robot images", false, std::string(drawn.status().message())}};
   if (!*drawn) return {};
   const DrawnCell& of = **drawn;
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
-  const auto robot = DrawnRobotOf(of, moving, cell.fixed_joints, {}, {}, 0);
+  const StoredOfDrawn stored = ReadStoredOfDrawn(file);
+  const auto robot = DrawnRobotOf(of, moving, cell.fixed_joints, stored.calibration,
+                                  stored.mask_sizes, cell.calibration.margin);
   if (!robot.ok()) return {{"robot images", false, std::string(robot.status().message())}};
   Findings findings = {
       {"robot images", true, absl::StrCat("drawn, of ", robot->parts().size(), " parts")}};
@@ -192,6 +219,13 @@ Findings OfDrawnImages(const Cell& cell) {
   const bool beyond = std::ranges::any_of(sampler.AlwaysNarrow(),
                                           [](const NarrowGap& gap) { return gap.face >= 0; });
   if (!text.empty()) findings.push_back({"links", !beyond, text});
+  if (stored.calibration.cameras.empty()) return findings;
+  const auto verified = VerifiedRobotOf(of, *robot, stored.verification);
+  const std::string partial =
+      PartialViews(cell, verified.ok() ? verified->robot : *robot, of.forbidden);
+  if (!partial.empty()) {
+    findings.push_back({.what = "views", .good = true, .text = partial, .doubtful = true});
+  }
   return findings;
 }
 
@@ -209,8 +243,13 @@ Findings OfCapture(const CellArguments& arguments, const CellFile& file, const T
   const auto database = OpenDatabase(file, Database::Access::kRead);
   Findings findings;
   if (absl::IsNotFound(database.status())) {
-    findings.push_back(
-        {"database", true, absl::StrCat("not there yet; next: ", arguments.Command("reference"))});
+    findings.push_back({"database", true,
+                        absl::StrCat("not there yet; next: ",
+                                     file.cell.robot.drawn && !HasSources(file.cell)
+                                         ? absl::StrCat("silhouette-db calibration import ",
+                                                        ForShell(file.database), " CAMERAS --cell ",
+                                                        ForShell(file.cell.file))
+                                         : arguments.Command("reference"))});
   } else if (!database.ok()) {
     return {{"database", false, std::string(database.status().message())}};
   } else {
@@ -249,7 +288,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
     findings.insert(findings.end(), more.begin(), more.end());
   };
   add(OfLimits(file.cell));
-  add(OfDrawnImages(file.cell));
+  add(OfDrawnImages(file));
   add(OfWorkspace(file.cell));
   for (const std::string& doubt : Doubts(file.cell)) {
     add({{.what = "cell file", .good = true, .text = doubt, .doubtful = true}});

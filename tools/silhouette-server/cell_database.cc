@@ -250,15 +250,30 @@ std::string LinksNamed(const std::vector<std::string>& links) {
 }
 
 // Of a cell whose robot images are drawn.
-void LogDrawn(const ServedDatabase& database, const RobotModel& robot) {
-  const std::vector<std::string> uncertain =
-      UncertainLinks(robot, *database.robot_images().drawn());
+void LogDrawn(const ServedDatabase& database, const Cell& cell, const DrawnCell& drawn) {
+  const DrawnRobot& robot = *database.robot_images().drawn();
+  if (const std::string partial = PartialViews(cell, robot, drawn.forbidden); !partial.empty()) {
+    spdlog::warn("{}", partial);
+  }
+  const std::vector<std::string> uncertain = UncertainLinks(*drawn.robot, robot);
   if (uncertain.empty()) return;
   spdlog::warn(
       "no pixel certainly shows {}, whose meshes are not closed, or too thin or concave: that it "
       "is not where it reports is not noticed there; close the meshes, or draw closed ones by "
       "'geometry'",
       LinksNamed(uncertain));
+}
+
+// How many voxels loading prepares for the sound presets, the margin around the workspace left out.
+std::string VoxelsText(const SoundCell& sound, size_t views) {
+  constexpr double kMany = 1e7;  // of all views: some ten seconds on a busy machine
+  const double edge = sound.VoxelEdge();
+  const double voxels = sound.workspace.volume() / (edge * edge * edge);
+  return absl::StrFormat(", %.2g million voxels of %.3f m in %d views for the sound presets%s",
+                         1e-6 * voxels, edge, views,
+                         voxels * static_cast<double>(views) > kMany
+                             ? ": this may take minutes, less with a larger voxel_edge"
+                             : "");
 }
 
 // Of a cell that states the section 'sound'.
@@ -273,8 +288,8 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
   if (sound.mask_scale() > 1) {
     spdlog::warn(
         "the masks resolve only obstacles of about {:.3f} m beside the robot, so much free space "
-        "will be blocked: set least_obstacle above {:.3f} m, or capture with masks of {:.1f} "
-        "times as many pixels along each side",
+        "will be blocked: set least_obstacle above {:.3f} m, or use masks of {:.1f} times as many "
+        "pixels along each side",
         sound.resolvable_obstacle(), least, sound.mask_scale());
   }
   if (!sound.open_links().empty()) {
@@ -284,7 +299,7 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
         "if the URDF has closed collision meshes",
         LinksNamed(sound.open_links()));
   }
-  if (cell.grid_move > least) {
+  if (!cell.robot.drawn && cell.grid_move > least) {
     spdlog::warn(
         "a step of the grid moves the robot by up to {:.3f} m, more than least_obstacle, {:.3f} m: "
         "an obstacle between grid points may be in no robot image and is then missed; lower "
@@ -334,9 +349,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
   const auto opened = Database::Open(path, Database::Access::kRead);
   if (absl::IsNotFound(opened.status())) {
-    return absl::NotFoundError(absl::StrCat(
-        opened.status().message(), "; begin one with 'silhouette-capture reference --cell ",
-        cell.file, " --database ", path, "'"));
+    return absl::NotFoundError(
+        absl::StrCat(opened.status().message(), "; begin one with '",
+                     cell.robot.drawn && !HasSources(cell)
+                         ? absl::StrCat("silhouette-db calibration import ", path, " CAMERAS")
+                         : absl::StrCat("silhouette-capture reference --database ", path),
+                     " --cell ", cell.file, "'"));
   }
   if (!opened.ok()) return opened.status();
   const std::unique_ptr<Database>& database = *opened;
@@ -354,11 +372,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
   LoadSettings load = LoadSettingsOf(cell);
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
-  spdlog::info("loading '{}'{}", path,
-               sound ? absl::StrFormat(", with voxels of %.3f m for the sound presets: with small "
-                                       "ones this takes up to a minute",
-                                       sound->VoxelEdge())
-                     : "");
+  spdlog::info("loading '{}'{}", path, sound ? VoxelsText(*sound, cell.views.size()) : "");
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
   if ((*served)->unverified_model() && !unverified) {
@@ -377,7 +391,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
                  std::string(misplaced.status().message()));
   }
   LogRobotImages(**served, path, load);
-  if (load.drawn) LogDrawn(**served, *load.drawn->robot);
+  if (load.drawn) LogDrawn(**served, cell, *load.drawn);
   if (sound) LogSound(**served, cell);
   if (cell.separation) LogSeparation(**served, cell);
   Policy policy = cell.policy;

@@ -149,6 +149,11 @@ TEST(Cell, LongTimesAndWideStepsAreDoubted) {
               ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
 }
 
+TEST(Cell, WideStepsOfADrawnRobotAreNotDoubted) {
+  EXPECT_THAT(Doubts(*Load(TwoJoints("  images: drawn\n", "steps: {joint_1: 8, joint_3: 8}", ""))),
+              ElementsAre());
+}
+
 TEST(Cell, WorkspaceThatTheRobotLeavesAtAnyJointValuesIsRefused) {
   const auto status = [](const std::string& upper, const std::string& more = "",
                          const std::string& lower = "-1.8, -1.8, 0") {

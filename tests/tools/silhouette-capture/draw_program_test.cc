@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <signal.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "calib/files/calibration_message.h"
@@ -14,6 +15,7 @@ namespace {
 
 using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class DrawProgram : public testing::Test {
  protected:
@@ -22,8 +24,8 @@ class DrawProgram : public testing::Test {
                      {"{joint_1: 9, joint_3: 5}", "{joint_1: 150, joint_3: 120}"}});
   }
 
-  // A database with two cameras that see the robot.
-  void MakeBase() const {
+  // A database with two cameras that see the robot; all of it up to that focal length.
+  void MakeBase(double focal = 150) const {
     const Outcome made = cell_.Run({"reference", "--cell", cell_.cell(), "--database", base()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
     storage::v1::Calibration calibration;
@@ -34,9 +36,9 @@ class DrawProgram : public testing::Test {
       pose.linear().col(0) = pose.linear().col(2).cross(Eigen::Vector3d::UnitY()).normalized();
       pose.linear().col(1) = pose.linear().col(2).cross(pose.linear().col(0));
       pose.translation() = from;
-      *calibration.add_cameras() = MessageOf(
-          CameraModel({.width = 160, .height = 120, .fx = 150, .fy = 150, .cx = 79.5, .cy = 59.5},
-                      pose.inverse()));
+      *calibration.add_cameras() = MessageOf(CameraModel(
+          {.width = 160, .height = 120, .fx = focal, .fy = focal, .cx = 79.5, .cy = 59.5},
+          pose.inverse()));
     }
     const auto database = Database::Open(base(), Database::Access::kWrite);
     ASSERT_TRUE((*database)->SetCalibration(calibration, "test").ok());
@@ -99,6 +101,17 @@ TEST_F(DrawProgram, DrawsOwnAndReachImagesOfTheNodesOfAnArm) {
     }
   }
   EXPECT_EQ(nlohmann::json::parse(Draw().out)["kept"], 1200);
+}
+
+TEST_F(DrawProgram, CheckNamesViewsThatShowOnlyAPartOfTheRobot) {
+  const auto check = [&] {
+    return cell_.Run({"check", "--cell", cell_.cell(), "--database", base()}).out;
+  };
+  MakeBase();
+  EXPECT_THAT(check(), Not(HasSubstr("only a part of the robot")));
+  std::filesystem::remove_all(base());
+  MakeBase(600);
+  EXPECT_THAT(check(), HasSubstr("NOTE   views: views '"));
 }
 
 TEST_F(DrawProgram, LosesNothingThatWasCommittedWhenItIsKilled) {

@@ -101,6 +101,22 @@ TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets)
                                           "may be inside, so that the sound presets may block"));
 }
 
+TEST_F(ServerProgramTest, StepsOfTheGridAreWarnedOfWhereRobotImagesAreCapturedAndNotDrawn) {
+  const std::string steps = "a step of the grid moves the robot";
+  for (const std::string images : {"captured", "drawn"}) {
+    std::filesystem::remove_all(folder / "with-cameras");
+    GiveModelAndCameras("  images: " + images + "\n",
+                        "sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n");
+    ServerProgram program(folder, {"--cell", cell, "--database", database, "--listen",
+                                   "127.0.0.1:0", "--unverified"});
+    EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+    EXPECT_THAT(program.Errors(), AllOf(HasSubstr("million voxels of 0.400 m in "),
+                                        Not(HasSubstr("this may take minutes"))));
+    EXPECT_EQ(program.Errors().find(steps) != std::string::npos, images == "captured")
+        << program.Errors();
+  }
+}
+
 TEST_F(ServerProgramTest, WarnsOfImagesThatMayBeOldOrFarApart) {
   WriteFile(cell, std::string(kServerTestCellFile) + "server: {max_age: 500, max_skew: 50}\n");
   ServerProgram program(folder,

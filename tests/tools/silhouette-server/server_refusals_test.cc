@@ -47,7 +47,8 @@ TEST_F(ServerProgramTest, MissingDatabaseIsRefusedWithTheCommandThatBeginsOne) {
   const std::string missing = database + "/none.lmdb";
   EXPECT_EQ(Refused({"--cell", cell, "--database", missing}), 2);
   EXPECT_THAT(errors, AllOf(HasSubstr("there is no database in '" + missing + "'"),
-                            HasSubstr("silhouette-capture reference --cell " + cell)));
+                            HasSubstr("silhouette-capture reference --database " + missing +
+                                      " --cell " + cell)));
 }
 
 TEST_F(ServerProgramTest, DatabaseOfAnotherCellIsTheUsersMistake) {

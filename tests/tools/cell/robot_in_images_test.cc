@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tools/cell/robot_in_images.h"
+
+#include <gmock/gmock.h>
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "calib/camera/calibration.h"
+#include "calib/robot/drawn_cell.h"
+#include "tests/tools/cell/cell_file.h"
+
+namespace silhouette {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+// A slide along x with a box of 0.1 m, on a base that the rim of every image cuts.
+std::string SlidingCell(const std::string& rest) {
+  const std::string urdf = (TestFolder() / "slide.urdf").string();
+  std::ofstream(urdf)
+      << "<robot name='r'><link name='base'><visual><origin xyz='6.4 0 0'/><geometry>"
+         "<box size='1 1 1'/></geometry></visual></link><link name='box'><visual><geometry>"
+         "<box size='0.1 0.1 0.1'/></geometry></visual></link><joint name='s' type='prismatic'>"
+         "<parent link='base'/><child link='box'/><axis xyz='1 0 0'/>"
+         "<limit lower='-1' upper='1'/></joint></robot>";
+  return "name: x\nrobot: {urdf: " + urdf +
+         ", images: drawn, joints: [{name: s}]}\nviews:\n"
+         "  - {name: a, image_size: [64, 48], mask_size: [64, 48]}\n"
+         "  - {name: b, image_size: [64, 48], mask_size: [64, 48]}\n"
+         "  - {name: c, image_size: [64, 48], mask_size: [64, 48]}\n" +
+         rest;
+}
+
+// By what x of the robot's base each of the three views ends, metres; the robot is in all of them
+// for an x of more than 1.1.
+std::string PartialViewsOf(const std::vector<double>& ends, const std::string& rest = "") {
+  const auto cell = Load(SlidingCell(rest));
+  if (!cell.ok()) return std::string(cell.status().message());
+  const auto drawn = DrawnCellOf(*cell);
+  Calibration calibration;
+  std::vector<MaskSize> sizes;
+  for (const double end : ends) {
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.translation() = Eigen::Vector3d(6.4 - end, 0, 8);
+    calibration.cameras.emplace_back(
+        CameraIntrinsics{.width = 64, .height = 48, .fx = 40, .fy = 40, .cx = 31.5, .cy = 23.5},
+        pose);
+    sizes.push_back({64, 48});
+  }
+  const std::vector<std::string> moving = {"s"};
+  const auto robot = DrawnRobotOf(**drawn, moving, {}, calibration, sizes, 0);
+  if (!robot.ok()) return std::string(robot.status().message());
+  return PartialViews(*cell, *robot, (*drawn)->forbidden);
+}
+
+TEST(PartialViews, ViewThatShowsAPartOfADrawnRobotIsNamedWithShareAndMend) {
+  const std::string said = PartialViewsOf({6.4, 5, 0.3});
+  EXPECT_THAT(said, AllOf(HasSubstr("view 'c' shows only a part of the robot at "),
+                          HasSubstr("shown by at most 2 of 3 views"),
+                          HasSubstr("move the camera, or state 'policy: {min_views: 1}'")));
+  double share = 0;
+  ASSERT_EQ(std::sscanf(said.c_str() + said.find("at "), "at %lf %%", &share), 1) << said;
+  // The box is cut from 0.05 m before the end on, and a pixel of 0.2 m earlier: of 2 m.
+  EXPECT_GT(share, 35);
+  EXPECT_LT(share, 55);
+}
+
+TEST(PartialViews, SeveralViewsAreNamedInOneSentence) {
+  EXPECT_THAT(PartialViewsOf({6.4, 0, 0.3}),
+              AllOf(HasSubstr("views 'b', 'c' show only a part of the robot at "),
+                    HasSubstr("shown by at most 1 of 3 views"), HasSubstr("move the cameras")));
+  EXPECT_THAT(PartialViewsOf({0, 0, 0.3}),
+              AllOf(HasSubstr("at most 0 of 3 views"), Not(HasSubstr("min_views"))));
+}
+
+TEST(PartialViews, ViewsThatHoldAllThatMovesAreNotNamed) {
+  EXPECT_EQ(PartialViewsOf({6.4, 5, 4}), "");
+}
+
+TEST(PartialViews, ForbiddenJointValuesAndAStatedMinViewsCount) {
+  EXPECT_EQ(PartialViewsOf({6.4, 5, 0.3}, "policy: {min_views: 1}\n"), "");
+  EXPECT_NE(PartialViewsOf({6.4, 5, 0.3}, "policy: {min_views: 2}\n"), "");
+  EXPECT_EQ(PartialViewsOf({6.4, 5, 0.3},
+                           "capture: {forbidden_regions: [{name: r, joints: {s: [-0.3, 1]}}]}\n"),
+            "");
+}
+
+}  // namespace
+}  // namespace silhouette
