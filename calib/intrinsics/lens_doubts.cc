@@ -194,7 +194,7 @@ absl::Status CheckFirstIds(const std::vector<Board>& boards,
         lowest = std::min(lowest, tag.tag);
       }
     }
-    for (int off = 1; off < d.columns; ++off) {
+    for (int off = 1; off < 2 * d.columns; ++off) {
       // The nearest first: 1 more, 1 less, 2 more, ...
       const int first = d.first_id + (off % 2 == 1 ? (off + 1) / 2 : -off / 2);
       if (first < 0 || first > lowest) continue;
