@@ -51,15 +51,13 @@ struct LinkBeyond {
 
 // How a link leaves `box`, in the base's frame, farthest, while the joints `moving` take any values
 // of their ranges that are not `forbidden`; nothing if none does. Links that none of them moves may
-// be anywhere. Tool and payload reach `payload_radius` beyond the outermost links. It is searched from configurations all over the
-// ranges: a link may leave it a little farther, never less. InvalidArgument: as Reach().
-absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(const RobotModel& robot,
-                                                         BodyGeometry geometry,
-                                                         std::span<const GridJoint> moving,
-                                                         std::span<const FixedJoint> fixed,
-                                                         const JointRegions& forbidden,
-                                                         double payload_radius,
-                                                         const Eigen::AlignedBox3d& box);
+// be anywhere. Tool and payload reach `payload_radius` beyond the outermost links. It is searched
+// from configurations all over the ranges: a link may leave it a little farther, never less.
+// InvalidArgument: as Reach().
+absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(
+    const RobotModel& robot, BodyGeometry geometry, std::span<const GridJoint> moving,
+    std::span<const FixedJoint> fixed, const JointRegions& forbidden, double payload_radius,
+    const Eigen::AlignedBox3d& box);
 
 // How much of space the robot's surface sweeps in a step of each of the joints `moving`: surface
 // times way, in cubic metres, the mean over their ranges. By a sample of the surface. `steps`: one

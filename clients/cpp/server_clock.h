@@ -62,8 +62,8 @@ class ServerTime {
 // (Forget). Not thread-safe.
 class ServerClock {
  public:
-  // `timeout`: of a round trip, of which none is waited for longer than 3 s, once the clock is known
-  // 1 s. `cancellation` ends a running one.
+  // `timeout`: of a round trip, of which none is waited for longer than 3 s, once the clock is
+  // known 1 s. `cancellation` ends a running one.
   ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,
               Cancellation& cancellation);
 
