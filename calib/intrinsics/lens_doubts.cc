@@ -28,7 +28,8 @@ constexpr double kOtherGap = 0.03;         // of a tag; distortion takes a third
 constexpr size_t kLeastNeighbours = 20;
 // The next tag lies beside one if it is so near to there, in pitches.
 constexpr double kBeside = 0.4;
-// Shares of pairs of tags: so many contradict a wrong first id, and so few the right one.
+// Shares of the pairs of tags: a wrong first id contradicts more than the first, the right one
+// fewer than the second.
 constexpr double kWrongId = 0.08;
 constexpr double kRightId = 0.02;
 // Two lenses explain what one does not if each is off by a third of it or less.

@@ -346,7 +346,6 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
                                                                    const std::string& path,
                                                                    bool unverified) {
-  for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
   const auto opened = Database::Open(path, Database::Access::kRead);
   if (absl::IsNotFound(opened.status())) {
     return absl::NotFoundError(
@@ -372,6 +371,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
   LoadSettings load = LoadSettingsOf(cell);
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
+  for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
   spdlog::info("loading '{}'{}", path, sound ? VoxelsText(*sound, cell.views.size()) : "");
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;

@@ -2,6 +2,7 @@
 // What silhouette-server refuses as the user's mistake.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -45,7 +46,9 @@ TEST_F(ServerProgramTest, PortInUseIsTheUsersMistake) {
 
 TEST_F(ServerProgramTest, MissingDatabaseIsRefusedWithTheCommandThatBeginsOne) {
   const std::string missing = database + "/none.lmdb";
+  WriteFile(cell, std::string(kServerTestCellFile) + "server: {max_age: 500}\n");
   EXPECT_EQ(Refused({"--cell", cell, "--database", missing}), 2);
+  EXPECT_EQ(std::ranges::count(errors, '\n'), 1) << "doubts of the cell come later: " << errors;
   EXPECT_THAT(errors, AllOf(HasSubstr("there is no database in '" + missing + "'"),
                             HasSubstr("silhouette-capture reference --database " + missing +
                                       " --cell " + cell)));
