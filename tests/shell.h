@@ -23,11 +23,6 @@ inline std::string ContentOf(const std::filesystem::path& file) {
   return text.str();
 }
 
-inline void WriteFile(const std::filesystem::path& file, const std::string& content) {
-  std::filesystem::create_directories(file.parent_path());
-  std::ofstream(file, std::ios::binary) << content;
-}
-
 // How a command ended, and what it wrote.
 struct Ended {
   int exit_code = -1;  // 128 + the signal's number if one ended it

@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 
@@ -38,6 +39,13 @@ inline std::filesystem::path FreshFolder() {
   const std::filesystem::path folder = TestFolder() / std::to_string(++count);
   std::filesystem::create_directories(folder);
   return folder;
+}
+
+// Makes the folder of the file, too. Its path.
+inline std::string WriteFile(const std::filesystem::path& file, const std::string& content) {
+  if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file, std::ios::binary) << content;
+  return file.string();
 }
 
 }  // namespace silhouette

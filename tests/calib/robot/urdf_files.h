@@ -3,7 +3,6 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
 #include <string>
 #include <vector>
 
@@ -11,12 +10,6 @@
 #include "tests/test_folder.h"
 
 namespace silhouette {
-
-inline std::string WriteFile(const std::filesystem::path& path, const std::string& text) {
-  std::filesystem::create_directories(path.parent_path());
-  std::ofstream(path) << text;
-  return path.string();
-}
 
 // A tetrahedron as text STL: corners (0,0,0), (1,0,0), (0,1,0), (0,0,1).
 inline std::string TetrahedronStl() {

@@ -15,6 +15,7 @@
 
 #include "db/store/environment.h"
 #include "tests/db/store/test_cell.h"
+#include "tests/test_folder.h"
 
 namespace silhouette {
 
@@ -92,10 +93,6 @@ inline std::string WithFlippedBits(std::string bytes, std::mt19937_64& random) {
     bytes[place] = static_cast<char>(bytes[place] ^ (1 << random() % 8));
   }
   return bytes;
-}
-
-inline void WriteFile(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
 }
 
 }  // namespace silhouette
