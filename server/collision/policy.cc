@@ -6,6 +6,11 @@
 
 namespace silhouette {
 
+int DefaultOccludedViews(int views) {
+  constexpr int kEnough = 3;  // views that see it
+  return std::max(1, views - kEnough);
+}
+
 int MinViews(const Policy& policy, int views) {
   if (views < 1) throw std::invalid_argument("there must be at least one view");
   if (policy.min_views) {
@@ -16,7 +21,7 @@ int MinViews(const Policy& policy, int views) {
     }
     return *policy.min_views;
   }
-  const int max_occluded_views = policy.max_occluded_views.value_or(kOccludedViews);
+  const int max_occluded_views = policy.max_occluded_views.value_or(DefaultOccludedViews(views));
   if (max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
   }
@@ -27,8 +32,7 @@ int MinViews(const Policy& policy, int views) {
 int MaxOccludedViews(const Policy& policy, int views) {
   MinViews(policy, views);
   const int by_min_views = policy.min_views ? views - *policy.min_views : 0;
-  constexpr int kEnough = 3;  // views that see it
-  const int occluded = policy.max_occluded_views.value_or(std::max(1, views - kEnough));
+  const int occluded = policy.max_occluded_views.value_or(DefaultOccludedViews(views));
   return std::min(std::max(occluded, by_min_views), views - 1);
 }
 

@@ -38,15 +38,17 @@ struct Policy {
   Preset preset = Preset::kUncalibrated;
   // Occupied if at least this many views show an obstacle; set, it overrides the preset.
   std::optional<int> min_views = std::nullopt;
-  // In how many views the robot may occlude an obstacle. kUncalibrated: min_views is max(1, views -
-  // max_occluded_views), kOccludedViews where it is not set. Sound presets: MaxOccludedViews().
+  // In how many views the robot may occlude an obstacle; DefaultOccludedViews where it is not set.
+  // kUncalibrated: min_views is max(1, views - max_occluded_views). Sound presets:
+  // MaxOccludedViews().
   std::optional<int> max_occluded_views = std::nullopt;
   OffGrid off_grid = OffGrid::kCell;
 
   bool operator==(const Policy&) const = default;
 };
 
-constexpr int kOccludedViews = 1;
+// 1; of more than four views all but three, as the robot occludes an obstacle in more of them.
+int DefaultOccludedViews(int views);
 
 // The number of views that must show an obstacle, 1 to `views`, the number of views that the
 // database was built with. Throws std::invalid_argument if the policy cannot be: min_views outside
@@ -54,9 +56,8 @@ constexpr int kOccludedViews = 1;
 int MinViews(const Policy& policy, int views);
 
 // Sound presets and separation: what all but this many of the views see as an obstacle stays,
-// however small it is (possible_space.h). Where the policy does not set it: 1; with n views, more
-// than four, n - 3, as the robot occludes an obstacle in more of them. At least what the other
-// presets permit with the same numbers. Throws as MinViews does.
+// however small it is (possible_space.h). At least what the other presets permit with the same
+// numbers. Throws as MinViews does.
 int MaxOccludedViews(const Policy& policy, int views);
 
 // Whether a preset needs epipolar lines; whether it needs the space of possible obstacles.

@@ -67,13 +67,14 @@ void ToMessage(const PathClearance& narrowest, v1::PathPlace* message) {
                                                              narrowest.configuration.end());
 }
 
-void ToMessage(const Policy& policy, v1::Policy* message) {
+void ToMessage(const Policy& policy, int views, v1::Policy* message) {
   message->set_preset(NameOf(policy.preset));
   if (policy.min_views) message->set_min_views(*policy.min_views);
   // Also beside min_views: it counts for requests that name the preset. With the other presets a
   // request must not have it, and what is returned here can be asked for.
   if (policy.preset == Preset::kUncalibrated) {
-    message->set_max_occluded_views(policy.max_occluded_views.value_or(kOccludedViews));
+    message->set_max_occluded_views(
+        policy.max_occluded_views.value_or(DefaultOccludedViews(views)));
   }
   message->set_off_grid(policy.off_grid == OffGrid::kCell ? v1::OFF_GRID_CELL
                                                           : v1::OFF_GRID_NEAREST);
@@ -208,7 +209,7 @@ void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
     variant.set_excluded(of_variant.Count(RobotImageState::kExcluded));
     variant.set_corrupt(of_variant.Count(RobotImageState::kCorrupt));
   }
-  ToMessage(DefaultPolicy(settings, database), message->mutable_default_policy());
+  ToMessage(DefaultPolicy(settings, database), database.views(), message->mutable_default_policy());
   message->set_calibrated(database.bands() != nullptr);
   for (const Preset preset : AllPresets()) {
     if (database.CanServe({.preset = preset}).ok()) message->add_presets(NameOf(preset));

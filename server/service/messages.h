@@ -54,7 +54,7 @@ void ToMessage(const Verdict& verdict, std::span<const ViewEvidence> evidence,
                std::span<const std::string> regions, std::optional<double> clearance,
                const ServedDatabase& database, v1::Verdict* message);
 void ToMessage(const PathClearance& narrowest, v1::PathPlace* message);
-void ToMessage(const Policy& policy, v1::Policy* message);
+void ToMessage(const Policy& policy, int views, v1::Policy* message);
 void ToMessage(const ConfigurationGrid& grid, const ServingSettings& settings, v1::Grid* message);
 void ToMessage(const Mask& mask, v1::Mask* message);
 // The robot that the database draws, which it does (RobotImageTable::drawn).

@@ -138,8 +138,9 @@ std::string PartialViews(const Cell& cell, const DrawnRobot& robot, const JointR
   if (names.empty()) return "";
   const int views = static_cast<int>(cell.views.size());
   const int whole = views - static_cast<int>(names.size());
-  const int enough = std::max(1, whole - kOccludedViews);
-  if (whole > 0 && cell.policy.min_views && *cell.policy.min_views <= enough) return "";
+  const int enough = std::max(1, whole - DefaultOccludedViews(whole));
+  const int occluded = cell.policy.max_occluded_views.value_or(DefaultOccludedViews(views));
+  if (whole > 0 && cell.policy.min_views.value_or(views - occluded) <= enough) return "";
   const bool one = names.size() == 1;
   return absl::StrCat(
       one ? "view " : "views ", absl::StrJoin(names, ", "), one ? " shows" : " show",

@@ -19,6 +19,11 @@ TEST(MinViews, UncalibratedLetsOneViewBeOccludedByDefault) {
   EXPECT_EQ(MinViews({}, 4), 3);
 }
 
+TEST(MinViews, OfMoreThanFourViewsThreeThatShowAnObstacleAreEnough) {
+  for (int views = 4; views <= 12; ++views) EXPECT_EQ(MinViews({}, views), 3);
+  EXPECT_EQ(MinViews({.max_occluded_views = 1}, 8), 7);
+}
+
 TEST(MinViews, UncalibratedNeverFallsBelowOne) {
   EXPECT_EQ(MinViews({.max_occluded_views = 2}, 4), 2);
   EXPECT_EQ(MinViews({.max_occluded_views = 4}, 4), 1);
@@ -43,7 +48,6 @@ TEST(MaxOccludedViews, OfManyViewsThreeThatSeeItAreEnough) {
   }
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 3), 1);
   EXPECT_EQ(MaxOccludedViews({.preset = Preset::kSound}, 2), 1);
-  EXPECT_EQ(MinViews({.preset = Preset::kUncalibrated}, 8), 7);
 }
 
 TEST(MaxOccludedViews, PermitsAtLeastWhatMinViewsDoes) {
