@@ -166,10 +166,8 @@ Verdict CollisionChecker::Judge(Numbers corners, const Between& part,
   if (possible_space_ == nullptr) return JudgeTaken(test_robot, /*grown=*/false, {}, evidence);
   const Cell cell(table_.grid(), corners);
   const Between& places = part.from.empty() ? cell.whole() : part;
-  const Verdict verdict = JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence);
-  return verdict.free() && LeavesWorkspace(cell.whole().from, {})
-             ? Verdict::Unknown(Reason::kOutsideWorkspace)
-             : verdict;
+  return IfInWorkspace(JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence),
+                       cell.whole().from, {});
 }
 
 Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
@@ -193,7 +191,11 @@ Verdict CollisionChecker::JudgeDrawn(std::span<const double> q, Growth growth, c
   }
   thread_local TestRobot test_robot;
   if (!test_robot.Draw(table_, q, growth)) return Verdict::Unknown(Reason::kInternal);
-  const Verdict verdict = JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence);
+  return IfInWorkspace(JudgeTaken(test_robot, !growth.empty(), {part, part}, evidence), q, growth);
+}
+
+Verdict CollisionChecker::IfInWorkspace(const Verdict& verdict, std::span<const double> q,
+                                        Growth growth) const {
   return verdict.free() && LeavesWorkspace(q, growth) ? Verdict::Unknown(Reason::kOutsideWorkspace)
                                                       : verdict;
 }

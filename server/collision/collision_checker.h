@@ -131,9 +131,10 @@ class CollisionChecker {
   Verdict JudgeDrawn(std::span<const double> q, Growth growth, const Between& part,
                      const Between& places, std::span<ViewEvidence> evidence) const;
   Verdict JudgeNode(ConfigurationNumber number, std::span<ViewEvidence> evidence) const;
-  // Whether the robot as it is drawn leaves the workspace, if there is one. A configuration where
-  // it does is not free.
+  // Whether the robot as it is drawn leaves the workspace, if there is one.
   bool LeavesWorkspace(std::span<const double> q, Growth growth) const;
+  // The verdict; unknown in place of free if it does.
+  Verdict IfInWorkspace(const Verdict& verdict, std::span<const double> q, Growth growth) const;
   // Whether the map has it that the node nearest to `q` is free.
   bool IsFreeByMap(std::span<const double> q) const;
   // As JudgeDrawn, by planes that are prepared; nothing: that does not decide.
