@@ -60,7 +60,7 @@ absl::StatusOr<VerifiedRobot> VerifiedRobotOf(
     growth[link] = grown.growth();
   }
   ASSIGN_OR_RETURN(DrawnRobot robot, Grown(bare, growth));
-  return VerifiedRobot{std::move(robot), ""};
+  return VerifiedRobot{std::move(robot), "", std::move(growth)};
 }
 
 }  // namespace silhouette

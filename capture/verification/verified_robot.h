@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
@@ -25,6 +26,8 @@ struct VerifiedRobot {
   // Why the model is not verified, as a sentence that begins with a small letter; empty: it is, and
   // the robot has the growth of its links.
   std::string unverified;
+  // Metres, by link of the model; empty if it is not verified.
+  std::vector<double> growth = {};
 };
 
 // InvalidArgument: the verification is of this robot, and its growth is none.

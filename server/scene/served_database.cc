@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "calib/files/calibration_message.h"
 #include "calib/robot/drawn_digest.h"
 #include "capture/verification/verified_robot.h"
@@ -176,6 +177,23 @@ absl::StatusOr<VerifiedRobot> RobotToDraw(const Database& database, const Snapsh
   return VerifiedRobotOf(cell, std::move(bare), verification);
 }
 
+// A model cannot hold all of a robot of which captured images show more. `growth`: as
+// VerifiedRobot has it.
+absl::Status CheckWholeModel(const SoundCell& sound, const RobotModel& model,
+                             std::span<const double> growth) {
+  if (!sound.settings.whole_model || growth.empty()) return absl::OkStatus();
+  const auto most = std::ranges::max_element(growth);
+  if (*most <= sound.settings.model_tolerance) return absl::OkStatus();
+  const auto link = static_cast<size_t>(most - growth.begin());
+  return FailedPrecondition(
+      "sound: the cell file states 'whole_model: true', but 'silhouette-capture verify-model' "
+      "found "
+      "that the link '",
+      model.links()[link].name, "' reaches ", absl::StrFormat("%.1f", 100 * *most),
+      " cm beyond the model, more than model_tolerance; state 'whole_model: false', or correct the "
+      "model and verify it again");
+}
+
 // The index of drawn images, if they are those of the robot that the server draws. Otherwise null,
 // and `unused` says why if there are any.
 absl::StatusOr<std::shared_ptr<const CollisionIndex>> LoadDrawnIndex(
@@ -277,6 +295,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     ASSIGN_OR_RETURN(VerifiedRobot robot, RobotToDraw(database, *snapshot, *load.drawn,
                                                       common.calibration, settings.margin));
     unverified = std::move(robot.unverified);
+    if (sound) RETURN_IF_ERROR(CheckWholeModel(*sound, *load.drawn->robot, robot.growth));
     loaded = RobotImageTable::Drawn(database.grid(),
                                     std::make_shared<const DrawnRobot>(std::move(robot.robot)),
                                     load.drawn->forbidden);

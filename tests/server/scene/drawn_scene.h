@@ -6,6 +6,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "server/scene/checker.h"
@@ -92,16 +93,20 @@ struct DrawnSceneTest : ::testing::Test {
   SceneSettings settings;
 };
 
+inline SoundCell DrawnSoundCell(std::shared_ptr<const RobotModel> model) {
+  return {.settings = {.least_obstacle = 0.09,
+                       .voxel_edge = 0.03,
+                       .model_tolerance = 0.005,
+                       .whole_model = true},
+          .workspace =
+              Eigen::AlignedBox3d(Eigen::Vector3d(-1.1, -1.1, 0), Eigen::Vector3d(1.1, 1.1, 1.8)),
+          .payload_radius = 0,
+          .robot = std::move(model)};
+}
+
 struct DrawnSoundTest : DrawnSceneTest {
   DrawnSoundTest() {
-    sound = SoundCell{.settings = {.least_obstacle = 0.09,
-                                   .voxel_edge = 0.03,
-                                   .model_tolerance = 0.005,
-                                   .whole_model = true},
-                      .workspace = Eigen::AlignedBox3d(Eigen::Vector3d(-1.1, -1.1, 0),
-                                                       Eigen::Vector3d(1.1, 1.1, 1.8)),
-                      .payload_radius = 0,
-                      .robot = model};
+    sound = DrawnSoundCell(model);
     auto loaded = Load({.calibration = calibration, .drawn = cell});
     EXPECT_TRUE(loaded.ok()) << loaded.status();
     database = *loaded;

@@ -411,6 +411,18 @@ TEST_F(VerifiedSceneTest, GrowthOfAVerifiedModelIsDrawn) {
   }
 }
 
+TEST_F(VerifiedSceneTest, ModelBeyondWhichTheRobotReachesIsNoWholeModel) {
+  sound = DrawnSoundCell(model);
+  const auto refused = LoadWith(Verification());
+  EXPECT_EQ(refused.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(refused.status().message(), HasSubstr("link 'tip' reaches 3.0 cm beyond the model"));
+  sound->settings.whole_model = false;
+  EXPECT_TRUE(LoadWith(Verification()).ok());
+  sound->settings.whole_model = true;
+  sound->settings.model_tolerance = 0.03;
+  EXPECT_TRUE(LoadWith(Verification()).ok());
+}
+
 TEST_F(VerifiedSceneTest, VerificationOfAnotherRobotIsNone) {
   storage::v1::ModelVerification verification = Verification();
   ASSERT_FALSE((*LoadWith(verification))->unverified_model());
