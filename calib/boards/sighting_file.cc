@@ -7,8 +7,12 @@
 #include <map>
 #include <stdexcept>
 #include <tuple>
+#include <utility>
 
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "calib/boards/csv.h"
 #include "db/status/status_macros.h"
 
@@ -17,9 +21,22 @@ namespace {
 
 constexpr int kOfTag = 4;  // corners
 
+constexpr size_t kWidth = 8;  // the first column that a file may lack
+
 const std::vector<std::string>& Columns() {
-  static const std::vector<std::string> columns = {"frame",  "view", "family", "tag",
-                                                   "corner", "x",    "y",      "sigma"};
+  static const std::vector<std::string> columns = {"frame", "view", "family", "tag",   "corner",
+                                                   "x",     "y",    "sigma",  "width", "height"};
+  return columns;
+}
+
+// Those that the file's first line names.
+std::vector<std::string> ColumnsIn(const std::string& text) {
+  const absl::string_view rows = absl::StripLeadingAsciiWhitespace(text);
+  const absl::string_view header = rows.substr(0, rows.find('\n'));
+  std::vector<std::string> columns = Columns();
+  if (!absl::StrContains(header, "width") && !absl::StrContains(header, "height")) {
+    columns.resize(kWidth);
+  }
   return columns;
 }
 
@@ -40,7 +57,20 @@ absl::Status Mistake(const CsvRow& row, const std::string& what) {
   return InvalidArgument(row.place(), ": ", what);
 }
 
-absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
+// As a row states it; columns that are not there are 0.
+absl::StatusOr<PixelSize> SizeIn(const CsvRow& row, bool stated) {
+  if (!stated) return PixelSize{};
+  ASSIGN_OR_RETURN(const int width, row.Integer(kWidth));
+  ASSIGN_OR_RETURN(const int height, row.Integer(kWidth + 1));
+  if (width < 0 || height < 0 || (width == 0) != (height == 0)) {
+    return Mistake(row, absl::StrCat("an image of ", width, "x", height,
+                                     " pixels; if its size is not known, write 0 and 0"));
+  }
+  return PixelSize{width, height};
+}
+
+// `sized`: whether the row has the image's size.
+absl::StatusOr<CornerLine> ReadLine(const CsvRow& row, bool sized) {
   const absl::StatusOr<int> tag = row.Integer(3);
   const absl::StatusOr<int> corner = row.Integer(4);
   const absl::StatusOr<double> x = row.Number(5);
@@ -53,6 +83,7 @@ absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
   for (int column = 0; column < 3; ++column) {
     if (row.Text(column).empty()) return Mistake(row, "the " + Columns()[column] + " is empty");
   }
+  ASSIGN_OR_RETURN(const PixelSize size, SizeIn(row, sized));
   if (*tag < 0) return Mistake(row, absl::StrCat("tag ", *tag, ": ids are not negative"));
   if (*corner < 0 || *corner >= kOfTag) {
     return Mistake(row, absl::StrCat("corner ", *corner, ": corners are 0 to 3"));
@@ -64,7 +95,8 @@ absl::StatusOr<CornerLine> ReadLine(const CsvRow& row) {
                             .view = row.Text(1),
                             .family = row.Text(2),
                             .tag = *tag,
-                            .sigma = *sigma},
+                            .sigma = *sigma,
+                            .image = size},
                     .corner = *corner,
                     .at = {*x, *y}};
 }
@@ -91,10 +123,45 @@ std::string SightingFault(const TagSighting& sighting) {
   return "";
 }
 
+// Of each view, the first image whose size is known.
+class SizesOfViews {
+ public:
+  absl::Status Add(const CsvRow& row, const TagSighting& tag) {
+    if (tag.image.width == 0) return absl::OkStatus();
+    const auto& [frame, size] = first_.try_emplace(tag.view, tag.frame, tag.image).first->second;
+    if (size == tag.image) return absl::OkStatus();
+    return Mistake(
+        row, absl::StrCat("view '", tag.view, "' has images of different sizes: frame '", frame,
+                          "' ", SizeText(size), ", frame '", tag.frame, "' ", SizeText(tag.image),
+                          "; a calibration holds for one size, so keep those of the "
+                          "size that is used later"));
+  }
+
+ private:
+  std::map<std::string, std::pair<std::string, PixelSize>> first_;
+};
+
 }  // namespace
 
+std::optional<PixelSize> ImageSizeOf(std::span<const TagSighting> sightings,
+                                     const std::string& view) {
+  for (const TagSighting& seen : sightings) {
+    if (seen.view == view && seen.image.width > 0) return seen.image;
+  }
+  return std::nullopt;
+}
+
+absl::Status CheckImageSize(std::span<const TagSighting> sightings, const std::string& view,
+                            PixelSize stated, const std::string& what) {
+  const std::optional<PixelSize> seen = ImageSizeOf(sightings, view);
+  if (!seen || *seen == stated) return absl::OkStatus();
+  return InvalidArgument("view '", view, "': ", what, " is ", SizeText(stated),
+                         ", but its corners were found in images of ", SizeText(*seen),
+                         "; correct it, or detect in images of its size");
+}
+
 std::string SightingFileText(std::span<const TagSighting> sightings) {
-  std::string text = "frame,view,family,tag,corner,x,y,sigma\n";
+  std::string text = absl::StrJoin(Columns(), ",") + "\n";
   for (const TagSighting& s : sightings) {
     if (const std::string fault = SightingFault(s); !fault.empty()) {
       throw std::invalid_argument(Name(s) + " has " + fault);
@@ -102,7 +169,8 @@ std::string SightingFileText(std::span<const TagSighting> sightings) {
     for (size_t corner = 0; corner < s.corners.size(); ++corner) {
       absl::StrAppend(&text, CsvField(s.frame), ",", CsvField(s.view), ",", CsvField(s.family), ",",
                       s.tag, ",", corner, ",", CsvNumber(s.corners[corner].x()), ",",
-                      CsvNumber(s.corners[corner].y()), ",", CsvNumber(s.sigma), "\n");
+                      CsvNumber(s.corners[corner].y()), ",", CsvNumber(s.sigma), ",", s.image.width,
+                      ",", s.image.height, "\n");
     }
   }
   return text;
@@ -110,12 +178,15 @@ std::string SightingFileText(std::span<const TagSighting> sightings) {
 
 absl::StatusOr<std::vector<TagSighting>> SightingsFromText(const std::string& text,
                                                            const std::string& file) {
-  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, Columns()));
+  const std::vector<std::string> columns = ColumnsIn(text);
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, columns));
+  SizesOfViews sizes;
   std::vector<TagSighting> sightings;
   std::map<std::tuple<std::string, std::string, std::string, int>, Partial> partials;
   for (const CsvRow& row : rows) {
-    ASSIGN_OR_RETURN(const CornerLine line, ReadLine(row));
+    ASSIGN_OR_RETURN(const CornerLine line, ReadLine(row, columns.size() > kWidth));
     const TagSighting& tag = line.tag;
+    RETURN_IF_ERROR(sizes.Add(row, tag));
     const auto [found, first] = partials.try_emplace({tag.frame, tag.view, tag.family, tag.tag},
                                                      Partial{row.place(), sightings.size(), {}});
     if (first) {

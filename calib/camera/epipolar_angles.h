@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "calib/camera/camera_model.h"
+#include "calib/camera/pixel_size.h"
 
 namespace silhouette {
 
@@ -30,11 +31,6 @@ struct EpipolarAngles {
   // Per pixel, row by row from the top left.
   std::vector<AngleInterval> a;
   std::vector<AngleInterval> b;
-};
-
-struct PixelSize {
-  int width = 0;
-  int height = 0;
 };
 
 // From two camera models, whose intrinsics are those of the masks (CameraModel::ScaledTo).

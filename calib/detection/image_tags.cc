@@ -109,7 +109,8 @@ std::vector<TagSighting> SightingsOf(const ImageTags& image) {
                          .family = tag.family,
                          .tag = tag.tag,
                          .corners = tag.corners,
-                         .sigma = tag.sigma});
+                         .sigma = tag.sigma,
+                         .image = {image.size.width, image.size.height}});
   }
   return sightings;
 }

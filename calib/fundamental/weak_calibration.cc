@@ -125,8 +125,6 @@ std::vector<std::string> Warnings(const ViewPair& pair, const WeakCalibration& f
   return warnings;
 }
 
-std::string SizeText(PixelSize size) { return absl::StrFormat("%dx%d", size.width, size.height); }
-
 // How bands can be made to hold without better images; empty if they would be of no use. A margin
 // grows with the masks: an error in the camera images is more pixels of a finer mask.
 std::string OrWiderBands(double margin, double most_margin, PixelSize mask_a, PixelSize mask_b) {

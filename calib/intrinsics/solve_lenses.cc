@@ -227,6 +227,10 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
                                          const std::vector<TagSighting>& sightings,
                                          const LensSettings& settings) {
   RETURN_IF_ERROR(CheckCameras(cameras));
+  for (const LensCamera& camera : cameras) {
+    RETURN_IF_ERROR(CheckImageSize(sightings, camera.name, {camera.width, camera.height},
+                                   "the stated image size"));
+  }
   RETURN_IF_ERROR(LensParameters(settings.lens_model).status());
   ASSIGN_OR_RETURN(BoardViews gathered, GatherBoardViews(cameras, boards, sightings));
   if (!settings.simultaneous) {  // then no two cameras see a board where it stood

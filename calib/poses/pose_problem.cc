@@ -104,7 +104,12 @@ absl::Status CheckSighting(const TagSighting& seen) {
 
 absl::Status CheckSightings(const PoseProblem& problem) {
   std::set<std::string> views;
-  for (const PoseView& view : problem.views) views.insert(view.name);
+  for (const PoseView& view : problem.views) {
+    views.insert(view.name);
+    RETURN_IF_ERROR(CheckImageSize(problem.sightings, view.name,
+                                   {view.lens.width, view.lens.height},
+                                   "the image size of its camera model"));
+  }
   std::set<std::tuple<std::string, std::string, std::string, int>> tags;
   for (const TagSighting& seen : problem.sightings) {
     RETURN_IF_ERROR(CheckSighting(seen));

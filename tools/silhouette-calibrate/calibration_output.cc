@@ -99,6 +99,9 @@ void SetFigure(const std::string& what, const std::string& of, double value, con
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record) {
   ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
+  for (const PairedView& view : found.views) {
+    RETURN_IF_ERROR(CheckImageSize(fixed, view.name, view.sizes.image, "the stated image size"));
+  }
   record.clear_fixed_tags();
   for (const auto& [key, mean] : means) {
     const auto view = std::ranges::find(found.views, mean.view, &PairedView::name);

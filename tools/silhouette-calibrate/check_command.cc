@@ -105,8 +105,14 @@ absl::StatusOr<Sightings> LookForTags(const CheckRequest& request, const Cell& c
 }
 
 // A sighting file's tags, each the mean of all frames. InvalidArgument, naming the file.
-absl::StatusOr<Sightings> ReadMeanSightings(const std::string& file) {
+absl::StatusOr<Sightings> ReadMeanSightings(const std::string& file,
+                                            const storage::v1::CellDescription& cell) {
   ASSIGN_OR_RETURN(const std::vector<TagSighting> sightings, ReadSightings(file));
+  for (const storage::v1::View& view : cell.views()) {
+    RETURN_IF_ERROR(CheckImageSize(sightings, view.name(),
+                                   {view.image_width(), view.image_height()},
+                                   "its image size in the database"));
+  }
   auto means = MeanSightings(sightings);
   if (means.ok()) return means;
   return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
@@ -117,7 +123,7 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
                                 const storage::v1::CellDescription& cell) {
   CellNow now;
   if (!request.corners.empty()) {
-    ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(request.corners));
+    ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(request.corners, cell));
   }
   for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
@@ -193,7 +199,7 @@ CheckedView Summary(const ViewDrift& drift, double limit) {
 absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
                                      const storage::v1::Calibration& stored,
                                      const storage::v1::CellDescription& cell) {
-  if (!request.reference.empty()) return ReadMeanSightings(request.reference);
+  if (!request.reference.empty()) return ReadMeanSightings(request.reference, cell);
   Sightings before = FixedTagsOf(stored.record(), cell);
   if (!before.empty()) return before;
   return FailedPrecondition(

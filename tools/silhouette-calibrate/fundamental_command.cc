@@ -67,19 +67,14 @@ absl::StatusOr<std::vector<PairedView>> NamedViews(const ViewSources& sources,
   return views;
 }
 
-std::string Text(PixelSize size) { return absl::StrCat(size.width, "x", size.height); }
-
-bool Same(PixelSize one, PixelSize other) {
-  return one.width == other.width && one.height == other.height;
-}
-
 absl::Status TakeCamera(const std::string& folder, PairedView& view) {
   const std::string file = (fs::path(folder) / CameraFileName(view.name)).string();
   ASSIGN_OR_RETURN(CameraModel camera, ReadCameraFile(file));
   const PixelSize size{camera.intrinsics().width, camera.intrinsics().height};
-  if (view.sizes.image.width > 0 && !Same(view.sizes.image, size)) {
-    return InvalidArgument("'", file, "' is for images of ", Text(size), ", but those of view '",
-                           view.name, "' are ", Text(view.sizes.image));
+  if (view.sizes.image.width > 0 && view.sizes.image != size) {
+    return InvalidArgument("'", file, "' is for images of ", SizeText(size),
+                           ", but those of view '", view.name, "' are ",
+                           SizeText(view.sizes.image));
   }
   view.sizes.image = size;
   view.camera = std::move(camera);
@@ -105,7 +100,7 @@ absl::Status CheckSightings(const std::vector<PairedView>& views,
       }
       return InvalidArgument("frame '", sighting.frame, "', view '", sighting.view, "', tag ",
                              sighting.tag, ": a corner at (", corner.x(), ", ", corner.y(),
-                             ") is not in an image of ", Text(image),
+                             ") is not in an image of ", SizeText(image),
                              "; the images' size is wrong, or sizes are mixed");
     }
   }
@@ -210,10 +205,15 @@ absl::StatusOr<std::vector<PairedView>> PairedViews(const ViewSources& sources,
       RETURN_IF_ERROR(TakeCamera(sources.cameras, view));
     }
     if (view.sizes.image.width <= 0) {
+      view.sizes.image = ImageSizeOf(sightings, view.name).value_or(PixelSize{});
+    }
+    if (view.sizes.image.width <= 0) {
       return InvalidArgument("how large the images of view '", view.name,
                              "' are is not said; give --cell, "
                              "--image-size or --cameras");
     }
+    RETURN_IF_ERROR(
+        CheckImageSize(sightings, view.name, view.sizes.image, "the stated image size"));
     if (view.sizes.mask.width <= 0) {
       return InvalidArgument("how large the masks of view '", view.name,
                              "' are is not said; give --cell or "
@@ -439,7 +439,8 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
                       "The cell file: names of the views, sizes of images and masks");
   command
       ->add_option("--image-size", a.sources.image_size,
-                   "WIDTHxHEIGHT of all views' camera images, without --cell")
+                   "WIDTHxHEIGHT of all views' camera images; default: as --cell, --cameras or "
+                   "--corners state it")
       ->check(SizeInPixels());
   command
       ->add_option("--mask-size", a.sources.mask_size,

@@ -155,12 +155,14 @@ absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& 
     camera.fixed = read.camera.intrinsics();
     camera.width = camera.fixed->width;
     camera.height = camera.fixed->height;
-  } else if (size) {
-    camera.width = size->width;
-    camera.height = size->height;
   } else {
-    return InvalidArgument("give the size of the images of the view '", view, "', as --image-size ",
-                           view, "=1280x960");
+    const auto known = size ? size : ImageSizeOf(input.sightings, view);
+    if (!known) {
+      return InvalidArgument(arguments.corners, " has no sizes of images: give that of the view '",
+                             view, "', as --image-size ", view, "=1280x960");
+    }
+    camera.width = known->width;
+    camera.height = known->height;
   }
   input.cameras.push_back(camera);
   return absl::OkStatus();
@@ -173,10 +175,9 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
   }
   Input input;
   RETURN_IF_ERROR(TakeBoards(arguments, input));
-  ASSIGN_OR_RETURN(std::vector<TagSighting> sightings,
-                   ReadSightings(arguments.corners, arguments.sigma));
+  ASSIGN_OR_RETURN(input.sightings, ReadSightings(arguments.corners, arguments.sigma));
   std::set<std::string> seen;
-  for (const TagSighting& sighting : sightings) seen.insert(sighting.view);
+  for (const TagSighting& sighting : input.sightings) seen.insert(sighting.view);
   std::vector<std::string> views = arguments.views;
   if (views.empty()) views.assign(seen.begin(), seen.end());
   for (const std::string& view : views) {
@@ -185,11 +186,9 @@ absl::StatusOr<Input> ReadInput(const IntrinsicsArguments& arguments) {
     }
     RETURN_IF_ERROR(AddCamera(arguments, view, input));
   }
-  for (TagSighting& sighting : sightings) {
-    if (std::ranges::find(views, sighting.view) != views.end()) {
-      input.sightings.push_back(std::move(sighting));
-    }
-  }
+  std::erase_if(input.sightings, [&](const TagSighting& sighting) {
+    return std::ranges::find(views, sighting.view) == views.end();
+  });
   return input;
 }
 
@@ -268,7 +267,8 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->add_option("--view", a->views, "Use these views only")->delimiter(',');
   command
       ->add_option("--image-size", a->image_sizes,
-                   "Size of a view's images, left=1280x960, or of all, 1280x960")
+                   "Size of a view's images, left=1280x960, or of all, 1280x960; default: as "
+                   "`detect` wrote it into --corners")
       ->check(SizeInPixels());
   command->add_option("--out", a->out, "The folder for the .cameramodel files")->required();
   command->add_option("--model", a->settings.lens_model, "Lens model, by mrcal's name")
@@ -314,7 +314,7 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
   command->footer(
       "Examples:\n"
       "  silhouette-calibrate intrinsics --corners corners.csv --boards wall.yaml \\\n"
-      "      --image-size 1280x960 --out cameras --draw residuals\n"
+      "      --out cameras --draw residuals\n"
       "  silhouette-calibrate intrinsics --from camera_info.yaml --view left --out cameras\n"
       "  silhouette-calibrate intrinsics --from 615.3,615.1,319.5,239.5 --image-size 640x480 \\\n"
       "      --view left --out cameras");

@@ -58,6 +58,7 @@ TEST(SightingFile, GivesBackWhatWasWrittenToTheLastBit) {
       TagSighting sighting{.frame = frame, .view = "v, 1", .family = "tag36h11", .tag = tag};
       for (int i = 0; i < 4; ++i) sighting.corners.emplace_back(pixel(random), pixel(random));
       sighting.sigma = pixel(random) + 6;
+      sighting.image = {1280, 960};
       written.push_back(sighting);
     }
   }
@@ -71,6 +72,7 @@ TEST(SightingFile, GivesBackWhatWasWrittenToTheLastBit) {
     EXPECT_EQ((*read)[i].tag, written[i].tag);
     EXPECT_EQ((*read)[i].corners, written[i].corners);
     EXPECT_EQ((*read)[i].sigma, written[i].sigma);
+    EXPECT_EQ((*read)[i].image, written[i].image);
   }
 }
 
@@ -111,6 +113,36 @@ TEST(SightingFile, MistakesAreToldWithTheLine) {
   EXPECT_THAT(MessageForChanged("left", ""), HasSubstr("the view is empty"));
 }
 
+TEST(SightingFile, SizesOfImagesMayBeMissing) {
+  const auto without = SightingsFromText(kSightingFileFile, "corners.csv");
+  EXPECT_EQ(ImageSizeOf(*without, "left"), std::nullopt);
+  EXPECT_TRUE(CheckImageSize(*without, "left", {320, 240}, "its size").ok());
+  // As it is written again.
+  const auto again = SightingsFromText(SightingFileText(*without), "corners.csv");
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(ImageSizeOf(*again, "left"), std::nullopt);
+}
+
+TEST(SightingFile, ImagesOfAViewThatDifferInSizeAreRefused) {
+  const auto message = [](const std::string& size) {
+    return SightingFileMessageFor(
+        "frame,view,family,tag,corner,x,y,sigma,width,height\n"
+        "1,left,chessboard-9x6,0,0,10,20,0.02,640,480\n"
+        "1,right,chessboard-9x6,0,0,10,20,0.02,1280,960\n"
+        "2,left,chessboard-9x6,0,0,11,21,0.03," +
+        size + "\n");
+  };
+  EXPECT_EQ(message("640,480"), "");
+  EXPECT_EQ(message("0,0"), "");  // not known
+  EXPECT_THAT(message("480,640"),
+              AllOf(StartsWith("corners.csv:4:"),
+                    HasSubstr("different sizes: frame '1' 640x480, frame '2' 480x640")));
+  EXPECT_THAT(message("640,0"), HasSubstr("image of 640x0 pixels"));
+  EXPECT_THAT(message("-640,480"), HasSubstr("image of -640x480 pixels"));
+  EXPECT_THAT(SightingFileMessageFor("frame,view,family,tag,corner,x,y,sigma,width\n"),
+              HasSubstr("'height' is missing"));
+}
+
 TEST(SightingFile, RepeatedOrMissingCornersAreRefused) {
   EXPECT_THAT(MessageForChanged("5,3,10", "5,2,10"),
               AllOf(StartsWith("corners.csv:5:"), HasSubstr("corner 2 of tag 5 of tag36h11"),
@@ -121,8 +153,9 @@ TEST(SightingFile, RepeatedOrMissingCornersAreRefused) {
 
 TEST(SightingFile, CornersOfChessboardsAreMarksOfTheirOwn) {
   const std::string corners =
-      "frame,view,family,tag,corner,x,y,sigma\n"
-      "1,left,chessboard-9x6,0,0,10,20,0.02\n1,left,chessboard-9x6,7,0,11,21,0.03\n";
+      "frame,view,family,tag,corner,x,y,sigma,width,height\n"
+      "1,left,chessboard-9x6,0,0,10,20,0.02,640,480\n"
+      "1,left,chessboard-9x6,7,0,11,21,0.03,640,480\n";
   const auto sightings = SightingsFromText(corners, "corners.csv");
   ASSERT_TRUE(sightings.ok()) << sightings.status();
   ASSERT_EQ(sightings->size(), 2u);

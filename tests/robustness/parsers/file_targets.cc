@@ -115,6 +115,7 @@ void ParseCorners(std::string_view bytes) {
 std::vector<std::string> CornersSeeds() {
   return {
       "cframe,view,family,tag,corner,x,y,sigma\n\"7\",left,chessboard-3x2,1,0,311.06,208.9,0.01\n",
+      "cframe,view,family,tag,corner,x,y,sigma,width,height\n7,left,t,1,0,3,4,0.01,640,480\n",
       "v# filename x y level\na.png 1 2 0\na.png 2 2 0\na.png 3 2 -\na.png 1 3 1\na.png - - -\n"
       "a.png 3 3 0\n",
       "v# filename x y weight\na.png 1 2 0.5\n",

@@ -127,6 +127,18 @@ TEST_F(CheckProgram, WhatIsKnownOfTheCamerasStaysWhenFixedTagsAreAdded) {
   EXPECT_GE(record["fixed_tags"].size(), 8u);
 }
 
+TEST_F(CheckProgram, CornersInImagesOfAnotherSizeAreRefused) {
+  Import();
+  auto now = SightingsFromText(ContentOf(shell_.folder() / "then.csv"), "then.csv");
+  ASSERT_TRUE(now.ok()) << now.status();
+  for (TagSighting& seen : *now) seen.image = {1280, 960};
+  WriteFile(shell_.folder() / "now.csv", SightingFileText(*now));
+  const Ended ended = Calibrate("check --database db --corners now.csv");
+  EXPECT_EQ(ended.exit_code, 2) << ended.out;
+  EXPECT_THAT(ended.err, HasSubstr("its image size in the database is 640x480, but its corners "
+                                   "were found in images of 1280x960"));
+}
+
 TEST_F(CheckProgram, CamerasThatStandStillHold) {
   Import();
   WriteCorners("now.csv", cameras_, 2);

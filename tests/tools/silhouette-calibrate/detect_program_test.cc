@@ -70,6 +70,7 @@ TEST_F(DetectProgram, WritesTheCornersOfAllViewsAndPictures) {
   ASSERT_EQ(sightings->size(), 4u);
   for (const TagSighting& sighting : *sightings) {
     EXPECT_EQ(sighting.frame, sighting.view == "left" ? "7" : "a_7");
+    EXPECT_EQ(sighting.image, (PixelSize{240, 180}));
     const RenderedBoard& rendered = sighting.view == "left" ? first : second;
     for (int i = 0; i < 4; ++i) {
       EXPECT_LT((sighting.corners[i] - rendered.Corner(sighting.tag, i)).norm(),

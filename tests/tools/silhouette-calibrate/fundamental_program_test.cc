@@ -71,6 +71,22 @@ TEST_F(FundamentalProgram, WritesMatricesThatTheDatabaseReads) {
   }
 }
 
+TEST_F(FundamentalProgram, SizesThatDetectWroteNeedNotBeStatedAndAreNotContradicted) {
+  WriteCell(0);
+  for (TagSighting& seen : board_.sightings) seen.image = {640, 480};
+  WriteFile(shell_.folder() / "corners.csv", SightingFileText(board_.sightings));
+  const Ended ended = Run("--corners corners.csv --mask-size 64x64 --out matrices.yaml");
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  const Ended stated = Run(std::string(kWeak) + "--out stated.yaml");
+  EXPECT_EQ(stated.exit_code, 0) << stated.err;
+  EXPECT_EQ(ContentOf(shell_.folder() / "matrices.yaml"),
+            ContentOf(shell_.folder() / "stated.yaml"));
+  const Ended other = Run("--corners corners.csv --image-size 1280x960 --mask-size 64x64");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.err, HasSubstr("the stated image size is 1280x960, but its corners were found "
+                                   "in images of 640x480"));
+}
+
 TEST_F(FundamentalProgram, CameraModelsAreToldFromTheirCorners) {
   WriteCell(-0.2);
   const Ended ended =

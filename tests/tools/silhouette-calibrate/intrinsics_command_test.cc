@@ -22,11 +22,12 @@ using testing::HasSubstr;
 class IntrinsicsCommand : public testing::Test {
  protected:
   // Writes corners.csv and boards.yaml of a session of two cameras.
-  void Session(const BoardMotion& motion) {
+  void Session(const BoardMotion& motion, PixelSize image = {}) {
     std::mt19937 random(41);
     const Board board = LatticeBoard("wall");
     const Board single({.name = "flange", .tag_size = 0.04, .first_id = 100});
     std::vector<TagSighting> sightings = SightingsOf(CamerasOnAnArc(2), board, motion, random);
+    for (TagSighting& sighting : sightings) sighting.image = image;
     WriteFile(folder_ / "corners.csv", SightingFileText(sightings));
     WriteFile(folder_ / "boards.yaml", BoardFileText(std::vector<Board>{board, single}));
   }
@@ -84,6 +85,20 @@ TEST_F(IntrinsicsCommand, RefusesWeakDataWithOneAndMistakesWithTwo) {
   EXPECT_THAT(Run("--image-size 1280x960 --view top").out,
               HasSubstr("no corner of the view 'top'"));
   EXPECT_THAT(Run("--image-size 1280x960 --board door").out, HasSubstr("no board 'door'"));
+}
+
+TEST_F(IntrinsicsCommand, SizesThatDetectWroteNeedNotBeStatedAndAreNotContradicted) {
+  Session({.frames = 30}, {1280, 960});
+  const Ended outcome = Run("");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.out;
+  const auto camera = CameraFromText(ContentOf(folder_ / "cameras" / "cam0.cameramodel"), "cam0");
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  EXPECT_EQ(camera->intrinsics().width, 1280);
+  EXPECT_EQ(camera->intrinsics().height, 960);
+  const Ended other = Run("--image-size cam0=1280x960 --image-size cam1=1920x1080");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_THAT(other.out, HasSubstr("view 'cam1': the stated image size is 1920x1080, but its "
+                                   "corners were found in images of 1280x960"));
 }
 
 TEST_F(IntrinsicsCommand, ImagesOfABoardHeldByHandGiveLensesOnRequestOnly) {

@@ -62,6 +62,21 @@ class CalibratePosesProgram : public testing::Test {
   const fs::path folder_ = shell_.folder();
 };
 
+TEST_F(CalibratePosesProgram, ALensForImagesOfAnotherSizeIsRefused) {
+  PoseRig rig(3);
+  rig.AddFlangeBoard();
+  rig.Drive(8);
+  const CameraIntrinsics& lens = rig.problem.views[0].lens;
+  for (TagSighting& seen : rig.problem.sightings) seen.image = {lens.width / 2, lens.height / 2};
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const Ended ended =
+      Run(absl::StrCat(kFiles, "--robot-poses poses.csv --flange-board flange --out cameras"));
+  EXPECT_EQ(ended.exit_code, 2);
+  EXPECT_THAT(ended.err, HasSubstr("view 'camera0': the image size of its camera model is "));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+}
+
 TEST_F(CalibratePosesProgram, WritesCamerasInTheBaseFromPosesOfTheRobot) {
   PoseRig rig(3);
   rig.AddFlangeBoard();
