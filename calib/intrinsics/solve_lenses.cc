@@ -190,9 +190,16 @@ absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& camera
   // A tag by itself can be bent in no way that one could see.
   const bool warp = settings.board_warp && used.size() == 1 && problem.CornersPerBoard() > 4;
   const LensProblem start = problem;
+  // The judgement comes first.
+  const std::string again = rule.by_part == kResultRule.by_part ? ", again for the result" : "";
+  const std::string all =
+      absl::StrCat(members.size(), " lenses and ", problem.reference_from_board.size(), " boards");
+  settings.step(absl::StrCat(all, " together", again));
   RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, sigma, rule));
+  settings.step(absl::StrCat(all, " apart, to compare", again));
   ASSIGN_OR_RETURN(const JointFit fit, CompareJointFit(start, problem, fixed, warp, sigma, rule));
   RETURN_IF_ERROR(JudgeJointFit(group, fit, cameras, members, solution.warnings));
+  settings.step(absl::StrCat("how exact they are", again));
   ASSIGN_OR_RETURN(LensCovariance covariance,
                    CovarianceOf(problem, LastStep(problem, fixed, warp)));
   const size_t place = solution.groups.size();
@@ -248,6 +255,7 @@ absl::StatusOr<LensSolution> SolveLenses(const std::vector<LensCamera>& cameras,
     for (const BoardView& view : gathered.views) {
       if (view.camera == i) own.push_back(&view);
     }
+    settings.step(absl::StrCat("the lens of '", cameras[i].name, "' by itself"));
     ASSIGN_OR_RETURN(SingleCamera single, SolveAlone(cameras[i], own, gathered.lattice, settings));
     views.insert(views.end(), single.views.begin(), single.views.end());
     solution.warnings.insert(solution.warnings.end(), single.warnings.begin(),

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -45,6 +46,8 @@ struct LensSettings {
   double least_known = 0.5;
   // The share of the focal length that its standard deviation may be.
   double most_uncertain_focal_length = 0.01;
+  // Called before each step of long work, with its name.
+  std::function<void(const std::string&)> step = [](const std::string&) {};
 };
 
 // How well a lens is known over its image: at places on a regular grid from rim to rim, row by row.

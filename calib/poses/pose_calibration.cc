@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "calib/poses/pose_fit.h"
@@ -60,8 +61,10 @@ absl::StatusOr<BundleStatistics> StatisticsOf(Bundle& bundle) {
 }
 
 // Finds how large the errors are, and what does not fit by that.
-absl::Status SortOut(const PoseNetwork& network, NoiseModel& noise, Bundle& bundle) {
+absl::Status SortOut(const PoseProblem& problem, const PoseNetwork& network, NoiseModel& noise,
+                     Bundle& bundle) {
   for (int i = 0; i < kMostRounds; ++i) {
+    problem.step(absl::StrCat("noise and outliers, round ", i + 1));
     ASSIGN_OR_RETURN(const BundleStatistics statistics, StatisticsOf(bundle));
     const bool other_noise = noise.Estimate(statistics, NoiseModel::By::kMedians);
     const bool other_outliers = MarkOutliers(network, bundle);
@@ -72,8 +75,10 @@ absl::Status SortOut(const PoseNetwork& network, NoiseModel& noise, Bundle& bund
 }
 
 // The last solve: the outliers are known.
-absl::StatusOr<BundleStatistics> SolveFinally(NoiseModel& noise, Bundle& bundle) {
+absl::StatusOr<BundleStatistics> SolveFinally(const PoseProblem& problem, NoiseModel& noise,
+                                              Bundle& bundle) {
   for (int i = 0;; ++i) {
+    problem.step(absl::StrCat("last solve, round ", i + 1));
     RETURN_IF_ERROR(Refit(bundle));
     ASSIGN_OR_RETURN(BundleStatistics statistics, StatisticsOf(bundle));
     if (i == kMostRounds || !noise.Estimate(statistics, NoiseModel::By::kSquares)) {
@@ -85,8 +90,10 @@ absl::StatusOr<BundleStatistics> SolveFinally(NoiseModel& noise, Bundle& bundle)
 }  // namespace
 
 absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
+  problem.step("first poses");
   ASSIGN_OR_RETURN(PoseFit fit, FitWithExactRobot(problem));
   RETURN_IF_ERROR(CheckFit(problem, fit));
+  problem.step("all poses together");
   Bundle& bundle = fit.bundle;
   for (BundlePose& flange : bundle.flanges) flange.constant = problem.robot_exact;
   // Flanges that the robot stated wrongly follow their corners first; then corners that are wrong
@@ -95,12 +102,13 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
     return FailedPrecondition("no poses were found that explain what was seen");
   }
   NoiseModel noise(bundle);
-  RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
+  RETURN_IF_ERROR(SortOut(problem, fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckSizes(problem.size_trust, fit));
   // With other sizes other corners fit.
-  if (bundle.free_sizes) RETURN_IF_ERROR(SortOut(fit.network, noise, bundle));
+  if (bundle.free_sizes) RETURN_IF_ERROR(SortOut(problem, fit.network, noise, bundle));
   RETURN_IF_ERROR(CheckOutliers(bundle));
-  ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(noise, bundle));
+  ASSIGN_OR_RETURN(const BundleStatistics statistics, SolveFinally(problem, noise, bundle));
+  problem.step("errors that images share, lenses that do not fit, and motions");
   ASSIGN_OR_RETURN(LinearBundle linear, CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
   ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, std::move(linear), fit));

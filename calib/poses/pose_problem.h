@@ -7,6 +7,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <functional>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -78,6 +79,8 @@ struct PoseProblem {
   // Poses are found in spite of lenses that do not fit and of things that moved meanwhile.
   bool accept_doubts = false;
   std::vector<std::string> warnings;  // of those who read it; the solution has them, too
+  // Called before each step of long work, with its name.
+  std::function<void(const std::string&)> step = [](const std::string&) {};
 };
 
 // What is wrong with a problem before anything is solved.

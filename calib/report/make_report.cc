@@ -122,6 +122,7 @@ PoseProblem PartOf(const PoseProblem& problem, const SightingGroups& groups, int
                    bool inside) {
   PoseProblem part = problem;
   part.sightings.clear();
+  part.step = PoseProblem().step;
   for (size_t i = 0; i < problem.sightings.size(); ++i) {
     if ((groups.group[i] == group) == inside) part.sightings.push_back(problem.sightings[i]);
   }
@@ -135,6 +136,7 @@ std::vector<LeftOutPart> SolveWithoutEach(const PoseProblem& problem, const Sigh
   std::vector<LeftOutPart> parts;
   std::vector<std::string> failed;
   for (int group = 0; group < groups.count; ++group) {
+    problem.step(absl::StrCat("without group ", group + 1, " of ", groups.count));
     absl::StatusOr<PoseSolution> solution = CalibratePoses(PartOf(problem, groups, group, false));
     if (!solution.ok()) {
       failed.emplace_back(solution.status().message());
@@ -353,6 +355,7 @@ class Maker {
   void CompareHalves() {
     const SightingGroups halves = HalvesOf(problem_);
     if (halves.count < 2) return;
+    problem_.step("each half of the frames");
     const absl::StatusOr<PoseSolution> first = CalibratePoses(PartOf(problem_, halves, 0, true));
     const absl::StatusOr<PoseSolution> second = CalibratePoses(PartOf(problem_, halves, 1, true));
     if (!first.ok() || !second.ok()) {

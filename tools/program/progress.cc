@@ -77,6 +77,28 @@ void Progress::Draw(const std::string& line) {
   drawn_ = true;
 }
 
+Steps::Steps(std::string what)
+    : what_(std::move(what)),
+      terminal_(isatty(STDERR_FILENO) == 1),
+      start_(absl::Now()),
+      next_(terminal_ ? start_ : start_ + kPlainLine) {}
+
+Steps::~Steps() {
+  if (terminal_) std::cerr << "\r\033[K" << std::flush;
+}
+
+void Steps::Begin(const std::string& step) {
+  const absl::Time now = absl::Now();
+  if (now < next_) return;
+  if (!terminal_) next_ = now + kPlainLine;
+  const std::string line = absl::StrFormat("%s: %s, %s", what_, step, Spoken(now - start_));
+  if (terminal_) {
+    std::cerr << "\r\033[K" << line << std::flush;
+  } else {
+    std::cerr << line << std::endl;
+  }
+}
+
 std::string ClockTime(absl::Time time, absl::Time now) {
   const absl::TimeZone here = absl::LocalTimeZone();
   const char* format = "%a %H:%M";

@@ -39,6 +39,25 @@ class Progress {
   bool drawn_ = false;
 };
 
+// What long work does now, where its share is not known: on a terminal a line that replaces itself
+// and goes in the end, otherwise a plain line every few seconds. On stderr.
+class Steps {
+ public:
+  // `what` names the work.
+  explicit Steps(std::string what);
+  ~Steps();
+  Steps(const Steps&) = delete;
+  Steps& operator=(const Steps&) = delete;
+
+  void Begin(const std::string& step);
+
+ private:
+  const std::string what_;
+  const bool terminal_;
+  const absl::Time start_;
+  absl::Time next_;
+};
+
 // A moment as people say it, in local time: "06:12", "Mon 06:12" if it is not today, with the date
 // if it is more than six days away.
 std::string ClockTime(absl::Time time, absl::Time now);

@@ -5,7 +5,9 @@
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -19,6 +21,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
+#include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/pictures.h"
@@ -227,17 +230,21 @@ absl::StatusOr<ExitCode> RunIntrinsics(IntrinsicsArguments arguments) {
   RETURN_IF_ERROR(CheckFirstIds(input.boards, input.sightings));
   arguments.settings.board_warp = !arguments.flat;
   arguments.settings.simultaneous = !arguments.not_simultaneous;
+  std::optional<Steps> steps(std::in_place, "intrinsics");
+  arguments.settings.step = [&](const std::string& step) { steps->Begin(step); };
   const absl::StatusOr<LensSolution> solution =
       SolveLenses(input.cameras, input.boards, input.sightings, arguments.settings);
+  const absl::Status fit = solution.ok() ? CheckFit(input.cameras, input.boards, input.sightings,
+                                                    arguments.settings, *solution)
+                                         : absl::OkStatus();
+  steps.reset();
   if (!solution.ok()) {
     const ExitCode code = Report("silhouette-calibrate", solution.status());
     const std::string wrong = WrongGaps(input.boards, input.sightings);
     if (!wrong.empty()) std::cerr << "silhouette-calibrate: " << wrong << std::endl;
     return absl::IsFailedPrecondition(solution.status()) ? kNo : code;
   }
-  if (const absl::Status fit =
-          CheckFit(input.cameras, input.boards, input.sightings, arguments.settings, *solution);
-      !fit.ok()) {
+  if (!fit.ok()) {
     Report("silhouette-calibrate", fit);
     return kNo;
   }

@@ -136,7 +136,7 @@ absl::StatusOr<ExitCode> PosesWork(const PosesArguments& arguments) {
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
   ASSIGN_OR_RETURN(const auto masks, MaskSizesFrom(sources.cell, arguments.mask_size, problem));
   const auto start = std::chrono::steady_clock::now();
-  const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
+  const absl::StatusOr<PoseSolution> solution = CalibratePosesInSteps(problem);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   if (absl::IsFailedPrecondition(solution.status())) {
     for (const std::string& warning : problem.warnings) {

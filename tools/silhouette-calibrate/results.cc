@@ -23,6 +23,7 @@
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/calibration_output.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/pictures.h"
@@ -342,6 +343,12 @@ absl::StatusOr<MaskSizes> MaskSizesFrom(const std::string& cell, const std::stri
   return MaskSizesOf(loaded);
 }
 
+absl::StatusOr<PoseSolution> CalibratePosesInSteps(PoseProblem problem) {
+  Steps steps("poses");
+  problem.step = [&](const std::string& step) { steps.Begin(step); };
+  return CalibratePoses(problem);
+}
+
 bool HasViews(const PoseSolution& solution) {
   return std::ranges::any_of(solution.views,
                              [](const SolvedView& view) { return !view.on_flange; });
@@ -444,9 +451,11 @@ absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
   return files;
 }
 
-absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
+absl::StatusOr<QualityReport> ReportOn(PoseProblem problem, const PoseSources& sources,
                                        const std::string& workspace_box, int groups) {
   ASSIGN_OR_RETURN(WorkspacePoints workspace, WorkspacePointsOf(sources, workspace_box));
+  Steps steps("report");
+  problem.step = [&](const std::string& step) { steps.Begin(step); };
   return MakeReport(problem, {.workspace = std::move(workspace.points),
                               .workspace_name = std::move(workspace.name),
                               .groups = groups});

@@ -34,6 +34,9 @@ MaskSizes MaskSizesOf(const Cell& cell);
 absl::StatusOr<MaskSizes> MaskSizesFrom(const std::string& cell, const std::string& size,
                                         const PoseProblem& problem);
 
+// CalibratePoses, saying on stderr what it does.
+absl::StatusOr<PoseSolution> CalibratePosesInSteps(PoseProblem problem);
+
 // How well lenses are known, and the warnings about them, for calibration.yaml.
 storage::v1::CalibrationRecord RecordOf(const LensSolution& solution);
 
@@ -71,8 +74,8 @@ absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
                                                     const PoseSolution& solution,
                                                     const PoseProvenance& provenance, bool draw);
 
-// MakeReport over the workspace of WorkspacePointsOf; their errors.
-absl::StatusOr<QualityReport> ReportOn(const PoseProblem& problem, const PoseSources& sources,
+// MakeReport over the workspace of WorkspacePointsOf, saying on stderr what it does; their errors.
+absl::StatusOr<QualityReport> ReportOn(PoseProblem problem, const PoseSources& sources,
                                        const std::string& workspace_box = "", int groups = 8);
 
 // The page, and the JSON; an empty name: not. Returns the files.

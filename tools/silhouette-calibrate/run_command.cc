@@ -23,6 +23,7 @@
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
+#include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/poses_inputs.h"
@@ -218,8 +219,10 @@ absl::StatusOr<LensSolution> SolveSessionLenses(const Cell& cell, const SessionS
   for (const ViewSettings& view : cell.views) {
     cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
   }
+  Steps steps("lenses");
   absl::StatusOr<LensSolution> solution =
-      SolveLenses(cameras, settings.tags.boards, record.sightings);
+      SolveLenses(cameras, settings.tags.boards, record.sightings,
+                  {.step = [&](const std::string& step) { steps.Begin(step); }});
   if (solution.ok()) return solution;
   return absl::Status(solution.status().code(),
                       absl::StrCat("the lenses: ", solution.status().message()));
@@ -292,7 +295,7 @@ absl::StatusOr<ExitCode> RunSolve(const RunArguments& arguments, const Cell& cel
   sources.robot_sigma = arguments.robot_sigma;
   sources.cell = arguments.cell;  // for the report's workspace
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
-  const absl::StatusOr<PoseSolution> solution = CalibratePoses(problem);
+  const absl::StatusOr<PoseSolution> solution = CalibratePosesInSteps(problem);
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
     ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));

@@ -8,11 +8,14 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iostream>
 #include <stdexcept>
 #include <string>
@@ -243,6 +246,39 @@ TEST(Progress, EndsWithALineThatTellsWhatWasDone) {
   }
   EXPECT_THAT(testing::internal::GetCapturedStderr(),
               HasSubstr("capture 4 of 4 configurations (100 %), "));
+}
+
+// What `work` writes to stderr if that is a terminal.
+std::string ShownOnATerminal(const std::function<void()>& work) {
+  const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
+  EXPECT_EQ(grantpt(terminal), 0);
+  EXPECT_EQ(unlockpt(terminal), 0);
+  const int end = open(ptsname(terminal), O_RDWR | O_NOCTTY);
+  const int stderr_before = dup(STDERR_FILENO);
+  dup2(end, STDERR_FILENO);
+  work();
+  dup2(stderr_before, STDERR_FILENO);
+  std::array<char, 4096> shown{};
+  const ssize_t size = read(terminal, shown.data(), shown.size());
+  for (const int file : {stderr_before, end, terminal}) close(file);
+  return {shown.data(), static_cast<size_t>(std::max<ssize_t>(0, size))};
+}
+
+TEST(Steps, TerminalShowsTheStepAndNothingInTheEnd) {
+  const std::string shown = ShownOnATerminal([] {
+    Steps steps("poses");
+    steps.Begin("first poses");
+    steps.Begin("all poses together");
+  });
+  EXPECT_THAT(shown, HasSubstr("poses: first poses, 0.0 s"));
+  EXPECT_THAT(shown, HasSubstr("\r\033[Kposes: all poses together"));
+  EXPECT_THAT(shown, testing::EndsWith("\r\033[K"));
+}
+
+TEST(Steps, ShortWorkWritesNothingIntoALog) {
+  testing::internal::CaptureStderr();
+  Steps("poses").Begin("first poses");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 TEST(Progress, DurationsAreSpokenAsPeopleDo) {
