@@ -47,7 +47,7 @@ struct ViewDrift {
 
 // `before`: how the camera saw the tags when it was calibrated; `after`: how it sees them now. Both
 // may have tags of other views. Uncertain turns count with two standard deviations, and what is no
-// shift, turn and growth four times: near things move more than tags behind them, if a camera was
+// shift, turn and growth twelve times: near things move more than tags behind them, if a camera was
 // carried. One tag among three or more that disagrees with the rest was moved itself.
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
