@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/robot/drawn_cell.h"
 #include "capture/verification/growth_fit.h"
 #include "capture/verification/mask_shift.h"
 #include "capture/verification/unmoved_joints.h"
@@ -530,6 +531,11 @@ ModelComparison CompareModel(const DrawnRobot& bare, std::span<const GridJoint> 
                              const std::function<void(uint64_t done)>& progress) {
   ModelComparison found = Comparing(bare, link_names, view_names, samples, settings, progress).Go();
   for (std::string& fault : UnmovedJoints(bare.chain(), joints, samples, settings.least_moved)) {
+    found.faults.push_back(std::move(fault));
+  }
+  const auto grown = Grown(bare, found.LinkGrowth());
+  if (!grown.ok()) throw std::invalid_argument(std::string(grown.status().message()));
+  for (std::string& fault : UndirectedJoints(bare, *grown, joints, samples)) {
     found.faults.push_back(std::move(fault));
   }
   return found;

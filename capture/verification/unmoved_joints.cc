@@ -34,6 +34,38 @@ double Moved(std::vector<double> values, bool slides) {
   return kTurn - widest_gap;
 }
 
+// Metres: drawings of one shape may differ at their rims; what a reversed axis may cost.
+constexpr double kRim = 0.005;
+constexpr double kLeastMatter = 0.02;
+
+// Whether the robot with the joint turned the other way would show a pixel that is farther than
+// `beyond` from what is drawn at `q`.
+bool ShowsDirection(const DrawnRobot& bare, const DrawnRobot& grown, std::vector<double> q,
+                    size_t joint, double beyond) {
+  const std::vector<Mask> drawn = grown.Touched(q, beyond);
+  q[joint] = -q[joint];
+  const std::vector<Mask> reversed = bare.Touched(q);
+  for (size_t view = 0; view < drawn.size(); ++view) {
+    if ((reversed[view] & ~drawn[view]).Count() > 0) return true;
+  }
+  return false;
+}
+
+// At some values of the joint, with the others as in some samples.
+bool DirectionMatters(const DrawnRobot& bare, const DrawnRobot& grown, const GridJoint& range,
+                      size_t joint, std::span<const ModelSample> samples) {
+  constexpr int kValues = 32;
+  constexpr size_t kSamples = 8;
+  for (const ModelSample& sample : samples.first(std::min(kSamples, samples.size()))) {
+    std::vector<double> q = sample.q;
+    for (int i = 0; i <= kValues; ++i) {
+      q[joint] = range.lower + (range.upper - range.lower) * i / kValues;
+      if (ShowsDirection(bare, grown, q, joint, kLeastMatter)) return true;
+    }
+  }
+  return false;
+}
+
 }  // namespace
 
 std::vector<std::string> UnmovedJoints(const KinematicChain& chain,
@@ -55,6 +87,25 @@ std::vector<std::string> UnmovedJoints(const KinematicChain& chain,
         "it moving, or let verify-model drive the robot (without --captured); narrow its 'lower' "
         "and 'upper' if it cannot go farther",
         joints[joint].name, moved / unit, name, range / unit, name, 100 * least_moved));
+  }
+  return faults;
+}
+
+std::vector<std::string> UndirectedJoints(const DrawnRobot& bare, const DrawnRobot& grown,
+                                          std::span<const GridJoint> joints,
+                                          std::span<const ModelSample> samples) {
+  std::vector<std::string> faults;
+  for (size_t joint = 0; joint < joints.size(); ++joint) {
+    const auto shown = [&](const ModelSample& sample) {
+      return ShowsDirection(bare, grown, sample.q, joint, kRim);
+    };
+    if (Slides(bare.chain(), joint) || std::ranges::any_of(samples, shown)) continue;
+    if (!DirectionMatters(bare, grown, joints[joint], joint, samples)) continue;
+    faults.push_back(absl::StrFormat(
+        "joint '%s': at all its captured values the robot would look the same if it turned the "
+        "other way, so its axis may be reversed: capture it at values in between, or let "
+        "verify-model drive the robot (without --captured)",
+        joints[joint].name));
   }
   return faults;
 }

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <Eigen/Geometry>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -56,6 +57,44 @@ TEST_F(UnmovedJointsTest, ThatSlideAreMeasuredInMillimetres) {
   joint.upper = 9;
   EXPECT_THAT(Unmoved({0.5, 7}), IsEmpty());
   EXPECT_THAT(Unmoved({0.5, 2}), ElementsAre(HasSubstr("only 1500.0 mm of 9000.0 mm")));
+}
+
+// A body on a joint whose axis points at the camera.
+struct UndirectedJointsTest : ::testing::Test {
+  std::vector<std::string> Undirected(const std::vector<double>& degrees) const {
+    const CameraIntrinsics in{
+        .width = 64, .height = 64, .fx = 66, .fy = 66, .cx = 31.5, .cy = 31.5, .distortion = {}};
+    Eigen::Isometry3d down(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
+    down.pretranslate(Eigen::Vector3d(0, 0, 3));
+    const DrawnRobot robot(
+        KinematicChain({{.name = "axis", .lower = joint.lower, .upper = joint.upper}},
+                       {ChainLink{}, {.parent = 0, .joint = 0, .slides = slides}}),
+        {{.link = 1, .moves_with = 1, .points = body, .radius = 0.05, .inner = {}}},
+        {PartDrawer(CameraModel(in, down.inverse()), MaskSize{64, 64})});
+    std::vector<ModelSample> samples;
+    for (const double value : degrees) samples.push_back({.q = {value * kDeg}, .captured = {}});
+    return UndirectedJoints(robot, robot, std::vector<GridJoint>{joint}, samples);
+  }
+
+  GridJoint joint{.name = "axis", .lower = -180 * kDeg, .upper = 180 * kDeg};
+  bool slides = false;
+  // A bar; of two points.
+  Eigen::Matrix3Xd body = (Eigen::Matrix3Xd(3, 2) << -0.4, 0.4, 0, 0, 0, 0).finished();
+};
+
+TEST_F(UndirectedJointsTest, BarAtQuarterTurnsLooksTheSameWhicheverWayItTurns) {
+  EXPECT_THAT(Undirected({-180, -90, 0, 90}),
+              ElementsAre(HasSubstr("joint 'axis': at all its captured values")));
+  EXPECT_THAT(Undirected({-180, -90, 0, 90, 30}), IsEmpty());
+}
+
+TEST_F(UndirectedJointsTest, WhatNeverShowsIsNoMatter) {
+  body = Eigen::Vector3d(0, 0, 0.1);
+  EXPECT_THAT(Undirected({-180, -90, 0, 90}), IsEmpty()) << "round";
+  body = Eigen::Vector3d(0.3, 0, 0.1);
+  EXPECT_THAT(Undirected({-180, 0}), ElementsAre(HasSubstr("may be reversed")));
+  slides = true;
+  EXPECT_THAT(Undirected({-180, 0}), IsEmpty());
 }
 
 }  // namespace
