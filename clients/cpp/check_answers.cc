@@ -31,9 +31,12 @@ absl::Status NoVariants(const std::string& address) {
                                                "silhouette-server of this version"));
 }
 
-absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
-                            const std::string& address) {
-  return variant.empty() || basis.variant() == variant ? absl::OkStatus() : NoVariants(address);
+absl::Status RequireBasis(const std::string& variant, const v1::Basis& basis,
+                          const Connection& connection) {
+  const absl::Status same = connection.RequireSameCell(basis);
+  if (!same.ok()) return same;
+  return variant.empty() || basis.variant() == variant ? absl::OkStatus()
+                                                       : NoVariants(connection.address());
 }
 
 namespace {

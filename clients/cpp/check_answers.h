@@ -36,9 +36,10 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 // A variant was requested and the server knows none: it is older than this library.
 absl::Status NoVariants(const std::string& address);
 
-// NoVariants if the answer does not use the requested variant; an empty one fits any.
-absl::Status RequireVariant(const std::string& variant, const v1::Basis& basis,
-                            const std::string& address);
+// Whether an answer with verdicts is about the cell of the connection (RequireSameCell) and uses
+// the requested variant (NoVariants); an empty one fits any.
+absl::Status RequireBasis(const std::string& variant, const v1::Basis& basis,
+                          const Connection& connection);
 
 // A separation was requested and the server reports none: it is older than this library.
 absl::Status NoSeparation(const std::string& address);

@@ -160,10 +160,11 @@ class CheckStream::Impl {
     StreamedAnswer answer{.id = question.id, .checks = NotAsked(), .path = NotAsked()};
     absl::Status error;
     if (response.has_configurations() || response.has_path()) {
-      error = RequireVariant(
+      error = RequireBasis(
           variant_,
           response.has_path() ? response.path().basis() : response.configurations().basis(),
-          address);
+          *connection_);
+      if (absl::IsFailedPrecondition(error)) return error;
     }
     if (response.has_error()) {
       const auto code = static_cast<grpc::StatusCode>(response.error().code());

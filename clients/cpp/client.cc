@@ -21,7 +21,7 @@ namespace silhouette::client {
 
 namespace {
 
-// A question about verdicts; its answer must use the requested variant.
+// A question about verdicts; its answer must be about this cell and the requested variant.
 template <typename Request, typename Response>
 absl::StatusOr<Response> Ask(const Connection& connection,
                              grpc::Status (v1::CollisionService::Stub::*method)(
@@ -29,9 +29,8 @@ absl::StatusOr<Response> Ask(const Connection& connection,
                              const Request& request, absl::Duration timeout) {
   absl::StatusOr<Response> response = connection.Call(method, request, timeout);
   if (!response.ok()) return response;
-  const absl::Status of_variant =
-      RequireVariant(request.variant(), response->basis(), connection.address());
-  if (!of_variant.ok()) return of_variant;
+  const absl::Status usable = RequireBasis(request.variant(), response->basis(), connection);
+  if (!usable.ok()) return usable;
   return response;
 }
 
@@ -187,13 +186,13 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   std::vector<ConfigurationSpaceTile> received;
   uint64_t left_out = 0;
   bool tells_levels = true;
-  absl::Status of_variant;
   bool first = true;
   using Part = v1::GetConfigurationSpaceResponse;
   const auto take = [&](const Part& part) -> absl::Status {
     if (std::exchange(first, false)) {
       basis = FromMessage(part.basis(), asked);
-      of_variant = RequireVariant(variant_, part.basis(), address());
+      const absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
+      if (!usable.ok()) return usable;
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       if (!grid.ok()) return Malformed(address(), grid.status().message());
@@ -209,7 +208,6 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   const absl::Status ended = connection_->ReadAll<Part>(*reader, context, timeout_, take);
   if (!ended.ok()) return ended;
   if (!grid.ok()) return Malformed(address(), grid.status().message());
-  if (!of_variant.ok()) return of_variant;
   if (!tells_levels) return NoClearances(address());
   try {
     return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
@@ -322,6 +320,7 @@ absl::StatusOr<v1::GetDatabaseResponse> Client::GetDatabase() const {
   auto response = connection_->Call(&v1::DatabaseService::Stub::GetDatabase,
                                     v1::GetDatabaseRequest(), timeout_);
   if (!response.ok()) return response;
+  if (absl::Status same = connection_->RequireSameCell(*response); !same.ok()) return same;
   const absl::Status grid = FromMessage(response->grid()).status();
   if (!grid.ok()) return Malformed(address(), grid.message());
   return response;

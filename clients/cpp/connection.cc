@@ -29,7 +29,8 @@ std::shared_ptr<grpc::Channel> ChannelTo(
   // gRPC's least backoff is also the time for one attempt to connect, handshake included: a busy
   // machine needs more than an instant.
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);
-  // Reconnects to a restarted server within a second.
+  // Reconnects to a restarted server within a second, as long as something waits for it
+  // (Reconnect, Pause).
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
@@ -101,6 +102,35 @@ void Connection::Reconnect(absl::Time deadline) const {
   constexpr absl::Duration kMoment = absl::Milliseconds(50);
   if (channel_->GetState(false) != GRPC_CHANNEL_TRANSIENT_FAILURE) return;
   channel_->WaitForConnected(absl::ToChronoTime(std::min(deadline, absl::Now() + kMoment)));
+}
+
+void Connection::Pause(absl::Duration pause, const std::stop_token& stop) const {
+  constexpr absl::Duration kInstant = absl::Milliseconds(50);
+  // Also where the connection is there at once: what lies behind it may not be.
+  const absl::Time least = absl::Now() + std::min(pause, absl::Milliseconds(200));
+  const absl::Time end = absl::Now() + pause;
+  const bool lost = channel_->GetState(false) != GRPC_CHANNEL_READY;
+  for (absl::Time now = absl::Now(); now < end && !stop.stop_requested(); now = absl::Now()) {
+    const absl::Time next = std::min(end, now + kInstant);
+    const bool back = lost && channel_->WaitForConnected(absl::ToChronoTime(next));
+    if (back && now >= least) return;
+    absl::SleepFor(next - absl::Now());
+  }
+}
+
+absl::Status Connection::RequireSameCell(const Cell& cell) const {
+  const std::lock_guard lock(mutex_);
+  if (!cell_) cell_ = cell;
+  if (cell.digest == cell_->digest) return absl::OkStatus();
+  const auto spoken = [](const Cell& of) {
+    return of.digest == 0 ? std::string("a cell that it does not name")
+                          : absl::StrCat("cell '", of.name, "'");
+  };
+  return absl::FailedPreconditionError(
+      absl::StrCat("the server at ", address_, " now serves ", spoken(cell),
+                   cell.name == cell_->name ? " with another grid, fixed joint or view"
+                                            : absl::StrCat(", not ", spoken(*cell_)),
+                   "; connect anew"));
 }
 
 // Most of gRPC's status codes are absl's, with the same numbers.

@@ -6,9 +6,12 @@
 #include <grpcpp/client_context.h>
 #include <grpcpp/security/credentials.h>
 
+#include <cstdint>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
+#include <stop_token>
 #include <string>
 #include <type_traits>
 
@@ -88,9 +91,27 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
 
   const std::string& address() const { return address_; }
-  // For streams: only where RequireNotForked() is OK.
-  v1::CollisionService::Stub& collisions() const { return *collisions_; }
-  v1::SceneService::Stub& scenes() const { return *scenes_; }
+  // For streams: only where RequireNotForked() is OK. As a call does, they give a failed connection
+  // a moment.
+  v1::CollisionService::Stub& collisions() const {
+    Reconnect(absl::InfiniteFuture());
+    return *collisions_;
+  }
+  v1::SceneService::Stub& scenes() const {
+    Reconnect(absl::InfiniteFuture());
+    return *scenes_;
+  }
+  // Before a stream that ended is begun again: waits, and if the connection was lost, not longer
+  // than until it is there again. `stop` ends it within an instant.
+  void Pause(absl::Duration pause, const std::stop_token& stop) const;
+
+  // FailedPrecondition if an answer is not of the same cell as the first one of this connection
+  // was: it says nothing about the configurations of the caller. `Answer`: a v1::Basis or a
+  // v1::GetDatabaseResponse.
+  template <typename Answer>
+  absl::Status RequireSameCell(const Answer& answer) const {
+    return RequireSameCell({.name = answer.cell_name(), .digest = answer.cell_digest()});
+  }
 
   // The end of a call, in one sentence. `timeout`: the call's.
   absl::Status SentenceFor(const grpc::Status& status, absl::Duration timeout) const;
@@ -135,6 +156,12 @@ class Connection {
   }
 
  private:
+  // Of a server that does not state it: none.
+  struct Cell {
+    std::string name;
+    uint64_t digest = 0;
+  };
+  absl::Status RequireSameCell(const Cell& cell) const;
   // Where the last attempt to connect failed: gives the next one a moment.
   void Reconnect(absl::Time deadline) const;
   template <typename Stub>
@@ -154,6 +181,8 @@ class Connection {
   const std::unique_ptr<v1::CollisionService::Stub> collisions_;
   const std::unique_ptr<v1::SceneService::Stub> scenes_;
   const std::unique_ptr<v1::DatabaseService::Stub> databases_;
+  mutable std::mutex mutex_;
+  mutable std::optional<Cell> cell_;  // of the first answer
 };
 
 }  // namespace silhouette::client

@@ -26,8 +26,8 @@ namespace {
 using Content = SpaceSnapshot::Content;
 
 // Between attempts to connect: at first, and at most.
-constexpr std::chrono::milliseconds kShortestPause{100};
-constexpr std::chrono::milliseconds kLongestPause{2000};
+constexpr absl::Duration kShortestPause = absl::Milliseconds(100);
+constexpr absl::Duration kLongestPause = absl::Seconds(2);
 
 // Of a call that did not succeed.
 Reason ReasonOfEnd(const absl::Status& end) {
@@ -44,6 +44,11 @@ Reason ReasonOfEnd(const absl::Status& end) {
     default:
       return Reason::kConnectionLost;
   }
+}
+
+// Of an update that cannot be used: it is of another cell (RequireSameCell), or `otherwise`.
+Reason ReasonOfUnusable(const absl::Status& status, Reason otherwise) {
+  return absl::IsFailedPrecondition(status) ? Reason::kRefused : otherwise;
 }
 
 std::shared_ptr<const SpaceSnapshot> SnapshotOf(Content content) {
@@ -106,7 +111,7 @@ class LocalSpace::Impl {
 
  private:
   void Run(const std::stop_token& stop) {
-    std::chrono::milliseconds pause = kShortestPause;
+    absl::Duration pause = kShortestPause;
     while (!stop.stop_requested()) {
       const uint64_t before = status().updates;
       Reason reason = Reason::kConnectionLost;
@@ -114,8 +119,7 @@ class LocalSpace::Impl {
       if (stop.stop_requested()) return;
       Lose(ended, reason);
       pause = status().updates > before ? kShortestPause : std::min(2 * pause, kLongestPause);
-      std::unique_lock lock(mutex_);
-      changed_.wait_for(lock, stop, pause, [] { return false; });
+      connection_->Pause(pause, stop);
     }
   }
 
@@ -157,15 +161,14 @@ class LocalSpace::Impl {
       return Malformed(connection_->address(), update.status().message());
     }
     if (!*update) return absl::OkStatus();
-    const absl::Status of_variant =
-        RequireVariant(variant_, (*update)->basis, connection_->address());
-    if (!of_variant.ok()) {
-      reason = Reason::kUpdateMalformed;
-      return of_variant;
+    const absl::Status usable = RequireBasis(variant_, (*update)->basis, *connection_);
+    if (!usable.ok()) {
+      reason = ReasonOfUnusable(usable, Reason::kUpdateMalformed);
+      return usable;
     }
     const absl::StatusOr<RunningClock::time_point> made = clock.MadeAt((*update)->basis, received);
     if (!made.ok()) {
-      reason = Reason::kAgeUnknown;
+      reason = ReasonOfUnusable(made.status(), Reason::kAgeUnknown);
       return made.status();
     }
     if ((*update)->whole) rule.reset();
@@ -226,7 +229,10 @@ class LocalSpace::Impl {
     const auto response =
         connection_->Call(context, &v1::DatabaseService::Stub::GetDatabase,
                           v1::GetDatabaseRequest(), std::min(timeout_, absl::Seconds(1)));
-    if (!response.ok() || response->generation() != generation) return std::nullopt;
+    if (!response.ok() || response->generation() != generation ||
+        !connection_->RequireSameCell(*response).ok()) {
+      return std::nullopt;
+    }
     if (response->images() == "drawn") return OffGridRule{.drawn = true};
     return OffGridRuleOf(Effective(options_.policy, FromMessage(response->default_policy())),
                          response->views_size());

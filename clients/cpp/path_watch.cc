@@ -81,9 +81,8 @@ class PathWatch::Impl {
   absl::Status Take(const v1::WatchPathResponse& response, ServerClock& clock) {
     const RunningClock::time_point received = RunningClock::now();
     const v1::Basis& basis = response.check().basis();
-    const absl::Status of_variant =
-        RequireVariant(request_.variant(), basis, connection_->address());
-    if (!of_variant.ok()) return of_variant;
+    const absl::Status usable = RequireBasis(request_.variant(), basis, *connection_);
+    if (!usable.ok()) return usable;
     const absl::StatusOr<RunningClock::time_point> made = clock.MadeAt(basis, received);
     if (!made.ok()) return made.status();
     if (request_.has_separation() && !response.check().has_separation()) {

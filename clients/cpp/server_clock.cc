@@ -73,6 +73,7 @@ absl::Status ServerClock::Measure() {
   // A slow server is asked less often.
   next_ = answered + std::max(kBetweenRoundTrips, 4 * (answered - asked));
   if (!response.ok()) return response.status();
+  if (absl::Status same = connection_->RequireSameCell(response->basis()); !same.ok()) return same;
   if (!response->basis().has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
                                                  " does not report its clock, so the age of its "
@@ -103,7 +104,7 @@ void ServerClock::Forget() {
 absl::StatusOr<ServerTime::Time> ServerClock::MadeAt(const v1::Basis& basis,
                                                      ServerTime::Time received) {
   absl::Status measured = MeasureIfDue();
-  if (measured.code() == absl::StatusCode::kUnimplemented) return measured;
+  if (absl::IsUnimplemented(measured) || absl::IsFailedPrecondition(measured)) return measured;
   if (!basis.has_server_clock()) {
     return absl::UnimplementedError(absl::StrCat("the server at ", connection_->address(),
                                                  " does not report the time of its messages; use a "

@@ -239,8 +239,7 @@ void BindChecksOf(py::class_<Client>& type) {
           py::arg("numbers"), py::kw_only(), py::arg("policy") = Policy(),
           "The same for grid points: faster.\n\nnumbers: (n,) whole numbers, as Grid.numbers has "
           "them; "
-          "8 million at most. Another database may have other configurations under these numbers: "
-          "compare basis.database_generation.")
+          "8 million at most.")
       .def(
           "check_path",
           [](const Client& at, const Doubles& waypoints, const Policy& policy, bool clearance,

@@ -9,7 +9,7 @@ const regions = (() => {
 const REGION = [143, 45, 102];
 let draft = {};                // by view: {left, top, right, bottom} in mask pixels
 let drawing = false;
-let generation = "";           // of the database that the draft is for
+let draftOf = "";              // the cell and the database that the draft is for
 
 const mayAllow = () => role === "operator" || role === "administrator";
 const viewsOf = (shown) => shown.database.views;
@@ -132,8 +132,9 @@ const named = () => $("region-name").value.trim();
 
 function drawRegions(shown, known) {
   if (shown !== snapshot || !shown || !shown.database) return;  // a newer one is drawn, or none can be
-  if (generation !== shown.database.generation) draft = {};
-  generation = shown.database.generation;
+  const { cell_digest, generation } = shown.database;
+  if (draftOf !== `${cell_digest} ${generation}`) draft = {};
+  draftOf = `${cell_digest} ${generation}`;
   if (!mayAllow() && drawing) return setDrawing(false);
   $("region-tools").hidden = !mayAllow();
   drawList(shown);

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/scene/served_database.h"
 
+#include <xxhash.h>
+
 #include <algorithm>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -230,6 +233,12 @@ absl::Status CheckCaptured(const Database& database, const Snapshot& snapshot) {
                             "captured; state 'images: drawn' of the robot in the cell file");
 }
 
+uint64_t CellDigest(storage::v1::CellDescription cell) {
+  cell.clear_segmentation();
+  const std::string bytes = cell.SerializeAsString();
+  return std::max<uint64_t>(XXH3_64bits(bytes.data(), bytes.size()), 1);
+}
+
 std::vector<std::string> NamesOfViews(const storage::v1::CellDescription& cell) {
   std::vector<std::string> names;
   for (const storage::v1::View& view : cell.views()) names.push_back(view.name());
@@ -245,6 +254,7 @@ ServedDatabase::ServedDatabase(std::string variant, const Common& common,
     : variant_(std::move(variant)),
       cell_(common.cell),
       generation_(common.generation),
+      cell_digest_(CellDigest(common.cell)),
       robot_images_(std::move(robot_images)),
       damage_(common.damage),
       fixed_joints_(common.fixed_joints),

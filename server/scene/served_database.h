@@ -115,6 +115,9 @@ class ServedDatabase {
 
   const storage::v1::CellDescription& cell() const { return cell_; }
   uint64_t generation() const { return generation_; }
+  // What gives configurations their meaning: XXH3-64 of the cell, but for `segmentation`, which is
+  // all of it that may change. Never 0.
+  uint64_t cell_digest() const { return cell_digest_; }
   // In memory, or read from the file of the database, of which they hold one state then, as the
   // collision index does; or drawn.
   const RobotImageTable& robot_images() const { return robot_images_; }
@@ -224,6 +227,7 @@ class ServedDatabase {
   std::map<std::string, std::shared_ptr<const ServedDatabase>> other_variants_;
   storage::v1::CellDescription cell_;
   uint64_t generation_ = 0;
+  uint64_t cell_digest_ = 0;
   RobotImageTable robot_images_;
   std::shared_ptr<DatabaseDamage> damage_;
   std::shared_ptr<const FixedJointRanges> fixed_joints_;

@@ -102,6 +102,8 @@ void ToMessage(const Mask& mask, v1::Mask* message) {
 
 void ToMessage(const Served& served, const Policy& policy, const Moment& now, v1::Basis* message) {
   message->set_database_generation(served.database->generation());
+  message->set_cell_name(served.database->cell().name());
+  message->set_cell_digest(served.database->cell_digest());
   message->set_variant(served.database->variant());
   message->set_unverified_model(served.database->unverified_model());
   ToMessage(now.running, message->mutable_server_clock());
@@ -174,6 +176,7 @@ void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
                v1::GetDatabaseResponse* message) {
   const RobotImageTable& images = database.robot_images();
   message->set_cell_name(database.cell().name());
+  message->set_cell_digest(database.cell_digest());
   message->set_generation(database.generation());
   ToMessage(database.grid(), settings, message->mutable_grid());
   for (const auto& joint : database.cell().fixed_joints()) {

@@ -66,7 +66,9 @@ class PublishingClock;
 
 // Any number of threads may use a client at once. Copies share the connection. In a process that
 // was forked from one that had a client, every call is a FailedPrecondition: it would disturb the
-// parent's.
+// parent's. From the first answer on a client is of one cell: if the server of another one (by
+// name, grid, fixed joints or views) has the address later, checks, watches and GetDatabase end as
+// FailedPrecondition, and nothing of a LocalSpace is known; connect anew.
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
@@ -100,9 +102,7 @@ class Client {
   }
 
   // The same for configurations of the grid by their numbers (ConfigurationGrid), up to eight
-  // million at once: much faster, without evidence. A database with another grid has other
-  // configurations under these numbers: compare Basis::database_generation, and GetDatabase() after
-  // the connection was lost, for another server's may be the same.
+  // million at once: much faster, without evidence.
   absl::StatusOr<NumberChecks> CheckNumbers(std::span<const uint32_t> numbers,
                                             const Policy& policy = {}) const;
 

@@ -87,6 +87,7 @@ request = messages.CheckConfigurationsRequest()
 request.configurations.add(positions=[0.0, 0.0])
 request.configurations.add(positions=[0.6, 0.2])
 answer = services.CollisionServiceStub(channel).CheckConfigurations(request, timeout=10)
+assert answer.basis.cell_digest != 0
 print([verdict.state for verdict in answer.verdicts])
 """
 
