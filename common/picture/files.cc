@@ -44,6 +44,13 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path) {
   return bytes;
 }
 
+absl::Status RefusePipe(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_other(path, ignored)) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("'", path, "' is a pipe or device; name a file"));
+}
+
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
   errno = 0;
   std::ofstream file(path, std::ios::binary | std::ios::trunc);

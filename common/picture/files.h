@@ -13,6 +13,9 @@ namespace silhouette {
 // NotFound, FailedPrecondition (no permission, a folder) or Internal, each naming the file.
 absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
 
+// FailedPrecondition, naming it, of a pipe or device, which may never end.
+absl::Status RefusePipe(const std::string& path);
+
 // Overwrites. Besides the errors above: ResourceExhausted if the disk is full.
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes);
 

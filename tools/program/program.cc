@@ -145,6 +145,7 @@ void EndOnLostPages(const std::string& program) {
 
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run) {
   EndOnLostPages(app.get_name());
+  std::signal(SIGXFSZ, SIG_IGN);  // a file above `ulimit -f` is an error of the write
   app.set_version_flag("--version", app.get_name() + " " + kVersion);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
     const std::string mistyped = MistypedSubcommand(*failed);

@@ -61,6 +61,7 @@ absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
     reference.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
     reference.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
   }
+  for (const size_t i : {3u, 4u}) RETURN_IF_ERROR(RefusePipe(fs::path(folder) / cells[i]));
   ASSIGN_OR_RETURN(*reference.mutable_mean_png(), ReadWholeFile(fs::path(folder) / cells[3]));
   ASSIGN_OR_RETURN(*reference.mutable_noise_png(), ReadWholeFile(fs::path(folder) / cells[4]));
   return reference;
@@ -263,8 +264,11 @@ absl::Status TableReader::ReadMasks(const std::vector<std::string>& cells,
       return absl::InvalidArgumentError(absl::StrCat(
           "view '", view, "' has no mask; only an excluded configuration has none, in all views"));
     }
-    absl::StatusOr<Mask> mask =
-        ReadMaskPng((fs::path(folder_) / path).string(), mask_sizes_[static_cast<size_t>(i)]);
+    const std::string file = fs::path(folder_) / path;
+    const absl::Status is_file = RefusePipe(file);
+    absl::StatusOr<Mask> mask = is_file.ok()
+                                    ? ReadMaskPng(file, mask_sizes_[static_cast<size_t>(i)])
+                                    : absl::StatusOr<Mask>(is_file);
     if (!mask.ok()) {
       return absl::Status(mask.status().code(),
                           absl::StrCat("view '", view, "': ", mask.status().message()));
@@ -334,6 +338,7 @@ absl::Status ExportReferences(const std::string& folder, const storage::v1::Cell
 absl::StatusOr<std::optional<storage::v1::References>> ImportReferences(
     const std::string& folder, const storage::v1::CellDescription& cell) {
   const std::string path = (fs::path(folder) / kReferencesFile).string();
+  RETURN_IF_ERROR(RefusePipe(path));
   const absl::StatusOr<std::string> table = ReadWholeFile(path);
   if (absl::IsNotFound(table.status())) return std::optional<storage::v1::References>();
   if (!table.ok()) return table.status();

@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
@@ -116,8 +117,9 @@ class Importer {
 
 uint64_t CountLines(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  return static_cast<uint64_t>(
-      std::count(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>(), '\n'));
+  uint64_t lines = 0;
+  for (std::string line; std::getline(file, line);) ++lines;
+  return lines;
 }
 
 bool NextLine(std::ifstream& file, std::string& line) {
@@ -203,6 +205,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   const bool is_folder = fs::is_directory(options.folder);
   const std::string csv =
       is_folder ? (fs::path(options.folder) / kConfigurationsFile).string() : options.folder;
+  RETURN_IF_ERROR(RefusePipe(csv));
   std::ifstream file(csv, std::ios::binary);
   std::string header;
   if (!file || !NextLine(file, header)) {

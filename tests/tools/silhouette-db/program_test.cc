@@ -522,6 +522,44 @@ TEST_F(SilhouetteDb, ImportRefusesADatabaseOfAnotherCellAndOtherRecords) {
               HasSubstr("joint 'axis_1': steps is 7 in the cell file, 6 in the database"));
 }
 
+TEST_F(SilhouetteDb, ImportReadsNoPipesAndDevices) {
+  MakeDatabase("db");
+  Write("cell.yaml", kTestCellFile);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  const std::string rows = Read("out/configurations.csv");
+  const size_t end = rows.find(".png");
+  const std::string mask =
+      rows.substr(rows.rfind(',', end) + 1, end + 4 - rows.rfind(',', end) - 1);
+  for (const std::string& file : {mask, std::string("configurations.csv")}) {
+    std::filesystem::remove(folder_ / "out" / file);
+    std::filesystem::create_symlink("/dev/null", folder_ / "out" / file);
+    const Ended outcome = Run("import out --cell cell.yaml --database other");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(file + "' is a pipe or device; name a file"));
+  }
+}
+
+TEST_F(SilhouetteDb, ImportCountsALastLineWithoutItsEnd) {
+  MakeDatabase("db");
+  Write("cell.yaml", kTestCellFile);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  std::string rows = Read("out/configurations.csv");
+  ASSERT_EQ(rows.back(), '\n');
+  rows.pop_back();
+  Write("out/configurations.csv", rows);
+  EXPECT_THAT(Run("import out --cell cell.yaml --database other").err,
+              HasSubstr("import 31 of 31 lines"));
+}
+
+TEST_F(SilhouetteDb, ACopyAboveTheLargestFileIsAnError) {
+  MakeDatabase("db");
+  const Shell shell;
+  const Ended outcome = shell.Run("ulimit -f 16; " + ProgramFolder() + "/silhouette-db compact '" +
+                                  (folder_ / "db").string() + "' small");
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("File too large"));
+}
+
 TEST_F(SilhouetteDb, CompactCopiesEverything) {
   MakeDatabase("db");
   EXPECT_EQ(Run("compact db small").exit_code, 0);
