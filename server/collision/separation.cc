@@ -74,7 +74,7 @@ void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
   }
 }
 
-double SeparationMeter::At(std::span<const double> q) {
+double SeparationMeter::At(std::span<const double> q, double at_most) {
   const PartBalls& balls = robot_.balls();
   robot_.chain().Pose(q, poses_);
   balls.Place(poses_, {}, placed_);
@@ -88,7 +88,7 @@ double SeparationMeter::At(std::span<const double> q) {
   // The least bounds first: no ball whose bound is above the least distance has a lesser one.
   const auto later = [](const Bound& a, const Bound& b) { return a.at_least > b.at_least; };
   std::ranges::make_heap(bounds_, later);
-  double least = space_.range();
+  double least = at_most;
   while (!bounds_.empty() && bounds_.front().at_least < least) {
     const Bound& nearest = bounds_.front();
     least =
@@ -117,7 +117,7 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
                                                    const Stop& stop) {
   FindMoving(waypoints);
   PathDistance path;
-  path.distance = path.at_start = At(waypoints.front());
+  path.distance = path.at_start = At(waypoints.front(), space_.range());
   double left = horizon.value_or(std::numeric_limits<double>::infinity());
   Configuration q = waypoints.front();
   for (size_t segment = 0; segment + 1 < waypoints.size() && left > 0; ++segment) {
@@ -134,8 +134,10 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
       for (size_t joint = 0; joint < q.size(); ++joint) {
         q[joint] = from[joint] + fraction * (to[joint] - from[joint]);
       }
-      const double distance = std::max(0.0, At(q) - slack);
-      if (distance >= path.distance) continue;
+      const double matters = path.distance + slack;
+      const double at = At(q, std::min(matters, space_.range()));
+      const double distance = std::max(0.0, at - slack);
+      if (at >= matters || distance >= path.distance) continue;
       path.distance = distance;
       path.segment = static_cast<int>(segment);
       path.fraction = fraction;

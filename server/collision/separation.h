@@ -102,8 +102,8 @@ class SeparationMeter {
  private:
   // Counts the parts that the path moves.
   void FindMoving(std::span<const Configuration> waypoints);
-  // At a configuration, metres.
-  double At(std::span<const double> q);
+  // At a configuration, metres, or `at_most` if it is that far or farther.
+  double At(std::span<const double> q, double at_most);
   // How far any point of the robot moves at most, metres.
   double Movement(std::span<const double> from, std::span<const double> to) const;
 

@@ -179,16 +179,22 @@ std::optional<PathDistance> Checker::Distance(std::span<const Configuration> way
                                               std::optional<double> horizon,
                                               const Stop& stop) const {
   if (blocked_ != Reason::kNone || !test_) return std::nullopt;
-  const SeparationBasis& basis = *served_.database->separation();
+  const auto is_outside = [&](const Configuration& q) {
+    const RobotImageTable& images = served_.database->robot_images();
+    return images.drawn() != nullptr ? images.StateBetween(q, q) == RobotImageState::kMissing
+                                     : images.grid().CornersAround(q).count() == 0;
+  };
+  if (std::ranges::any_of(waypoints, is_outside)) return std::nullopt;
+  const std::shared_ptr<const SeparationBasis>& basis = served_.database->separation();
   const Scene& scene = *served_.scene;
-  const SpaceDistances& space = scene.separation.Get([&] {
-    const int occluded = MaxOccludedViews(policy_, served_.database->views());
+  const int occluded = MaxOccludedViews(policy_, served_.database->views());
+  const SpaceDistances& space = scene.separation.Get({basis, occluded}, [&] {
     const std::vector<std::optional<Mask>> allowed = AllowedPixels(served_);
     const PossibleSpace& near = scene.possible_space.Get(
         served_.database->sound(), scene.obstacle_images, scene.joints, allowed, occluded);
-    return basis.DistancesIn(near, scene.obstacle_images, scene.joints, allowed, occluded);
+    return basis->DistancesIn(near, scene.obstacle_images, scene.joints, allowed, occluded);
   });
-  return SeparationMeter(basis.robot(), space).Along(waypoints, horizon, stop);
+  return SeparationMeter(basis->robot(), space).Along(waypoints, horizon, stop);
 }
 
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {

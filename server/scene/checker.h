@@ -51,8 +51,9 @@ class Checker {
   std::optional<ClearanceMeter> Clearances() const;
 
   // The least distance along a path, in space, to what may hold somebody; as
-  // SeparationMeter::Along. Nothing where all verdicts are unknown, or `stop` says so, or the path
-  // has a value that is not finite. The database must serve distances (ServedDatabase::separation).
+  // SeparationMeter::Along. Nothing where all verdicts are unknown, or `stop` says so, or a
+  // waypoint is outside the grid or the joints' limits. The database must serve distances
+  // (ServedDatabase::separation).
   std::optional<PathDistance> Distance(std::span<const Configuration> waypoints,
                                        std::optional<double> horizon,
                                        const Stop& stop = nullptr) const;

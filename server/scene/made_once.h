@@ -6,6 +6,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -41,6 +42,31 @@ class MadeOnce {
   mutable std::once_flag once_;
   mutable std::optional<T> value_;
   mutable std::atomic<bool> ready_ = false;
+};
+
+// A value per key, of which there are few: all are kept. Used by any number of threads. A copy
+// starts empty.
+template <typename Key, typename T>
+class EachMadeOnce {
+ public:
+  EachMadeOnce() = default;
+  EachMadeOnce(const EachMadeOnce&) {}
+  EachMadeOnce& operator=(const EachMadeOnce&) = delete;
+
+  // What `make()` returned the first time for this key.
+  template <typename Make>
+  const T& Get(const Key& key, const Make& make) const {
+    const MadeOnce<T>* value = nullptr;
+    {
+      const std::lock_guard lock(mutex_);
+      value = &values_[key];
+    }
+    return value->Get(make);
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::map<Key, MadeOnce<T>> values_;
 };
 
 // A value for each tile of a grid. Used by any number of threads.

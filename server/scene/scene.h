@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/time/time.h"
@@ -21,6 +22,7 @@
 #include "server/scene/clock.h"
 #include "server/scene/joint_position.h"
 #include "server/scene/made_once.h"
+#include "server/scene/separation_basis.h"
 #include "server/scene/sound_basis.h"
 
 namespace silhouette {
@@ -99,7 +101,8 @@ struct Scene {
   MadeOnce<DrawnChecker> drawn;
   ScenePossibleSpace possible_space;
   // The distances from what may hold somebody (SeparationBasis::DistancesIn).
-  MadeOnce<SpaceDistances> separation;
+  // Of a variant's basis and MaxOccludedViews().
+  EachMadeOnce<std::pair<std::shared_ptr<const SeparationBasis>, int>, SpaceDistances> separation;
   // What allowed regions in force did to the obstacle images; empty in a scene as it was published.
   std::vector<RegionEffect> region_effects;
 

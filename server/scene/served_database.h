@@ -181,7 +181,7 @@ class ServedDatabase {
   const std::shared_ptr<const SoundBasis>& sound() const { return sound_; }
   // What distances to people rest on; null where they are not served: the cell has no section
   // 'separation', or no sound presets.
-  const SeparationBasis* separation() const { return separation_.get(); }
+  const std::shared_ptr<const SeparationBasis>& separation() const { return separation_; }
 
   // Whether the database has what a policy needs. FailedPrecondition: what it lacks, and the mend.
   absl::Status CanServe(const Policy& policy) const;

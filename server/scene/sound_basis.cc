@@ -291,15 +291,7 @@ const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBa
                                              std::span<const JointPosition> joints,
                                              std::span<const std::optional<Mask>> allowed,
                                              int max_occluded_views) const {
-  Entry* entry = nullptr;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = std::ranges::find_if(entries_, [&](const Entry& known) {
-      return known.basis == basis && known.max_occluded_views == max_occluded_views;
-    });
-    entry = found != entries_.end() ? &*found : &entries_.emplace_back(basis, max_occluded_views);
-  }
-  return entry->space.Get([&] {
+  return spaces_.Get({basis, max_occluded_views}, [&] {
     return PossibleSpace(basis->space(), images, basis->RobotAt(basis->space(), joints), allowed,
                          max_occluded_views);
   });

@@ -5,9 +5,7 @@
 
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -113,10 +111,6 @@ class SoundBasis {
 // copy starts empty.
 class ScenePossibleSpace {
  public:
-  ScenePossibleSpace() = default;
-  ScenePossibleSpace(const ScenePossibleSpace&) {}
-  ScenePossibleSpace& operator=(const ScenePossibleSpace&) = delete;
-
   // `basis`: of one of the variants of the scene's database. The other arguments belong to the
   // scene, and are always the same. `joints`, of the robot; `allowed`,
   // `max_occluded_views`: see PossibleSpace.
@@ -126,15 +120,8 @@ class ScenePossibleSpace {
                            int max_occluded_views) const;
 
  private:
-  struct Entry {
-    Entry(std::shared_ptr<const SoundBasis> the_basis, int occluded_views)
-        : basis(std::move(the_basis)), max_occluded_views(occluded_views) {}
-    const std::shared_ptr<const SoundBasis> basis;
-    const int max_occluded_views;
-    MadeOnce<PossibleSpace> space;
-  };
-  mutable std::mutex mutex_;
-  mutable std::list<Entry> entries_;  // one per variant and max_occluded_views
+  // Of a variant's basis and max_occluded_views.
+  EachMadeOnce<std::pair<std::shared_ptr<const SoundBasis>, int>, PossibleSpace> spaces_;
 };
 
 }  // namespace silhouette

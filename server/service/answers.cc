@@ -89,6 +89,21 @@ void CountVerdicts(std::span<const uint64_t> free, std::span<const uint64_t> occ
   counts.Add(State::kUnknown, blocked, configurations - known[0] - known[1]);
 }
 
+// As every client does to read the server's clock.
+bool AsksNothing(const v1::CheckConfigurationsRequest& request) {
+  return request.numbers().empty() && request.configurations().empty();
+}
+
+// What an answer would rest on; nothing is prepared for one.
+absl::Status AnswerNothing(Serving& serving, const v1::CheckConfigurationsRequest& request,
+                           v1::CheckConfigurationsResponse* response) {
+  ASSIGN_OR_RETURN(const Served served,
+                   WithVariant(serving.scenes.Newest(serving.settings.clock()), request.variant()));
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, request.policy(), *served.database));
+  Conclude(serving, served, policy, response->mutable_basis());
+  return absl::OkStatus();
+}
+
 // An answer by numbers.
 absl::Status AnswerNumbers(Serving& serving, const v1::CheckConfigurationsRequest& request,
                            const Stop& cancelled, v1::CheckConfigurationsResponse* response) {
@@ -177,6 +192,7 @@ Verdict Final(const Verdict& verdict, Reason blocked) {
 }
 
 bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest& request) {
+  if (AsksNothing(request)) return true;
   if (!request.numbers().empty() || request.include_clearance() ||
       request.configurations_size() > kFewChecks) {
     return false;
@@ -188,7 +204,7 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
   if (database == nullptr) return true;
   const RobotImageTable& images = database->robot_images();
   const bool reads = !images.in_memory() && images.drawn() == nullptr;
-  if (reads && !request.configurations().empty()) return false;
+  if (reads) return false;
   const absl::StatusOr<Policy> policy = PolicyFor(serving, request.policy(), *database);
   if (!policy.ok()) return true;
   if (IsSound(policy->preset)) return false;  // even one may take long
@@ -198,6 +214,7 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
 
 absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
                     const Stop& cancelled, v1::CheckConfigurationsResponse* response) {
+  if (AsksNothing(request)) return AnswerNothing(serving, request, response);
   if (!request.numbers().empty()) return AnswerNumbers(serving, request, cancelled, response);
   ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
   const ServedDatabase& database = *checker.served().database;
@@ -291,6 +308,12 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
   }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);
+  if (blocked != Reason::kNone && response->has_separation()) {
+    v1::Separation nothing_known;
+    nothing_known.set_range(response->separation().range());
+    nothing_known.set_unknown_reason(ToMessage(blocked));
+    *response->mutable_separation() = nothing_known;
+  }
   const Verdict verdict = Final(path.verdict, blocked);
   serving.verdicts.Add(verdict);
   if (path.verdict.free()) evidence.clear();

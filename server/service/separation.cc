@@ -19,11 +19,11 @@ namespace {
 
 constexpr int kMostLevels = 16;
 // About a second of a worker thread.
-constexpr int64_t kMostPlaces = 500'000;
+constexpr int64_t kMostPlaces = 50'000;
 // A scene may be followed by the next so much later than any of the last ones.
 constexpr double kLateScene = 1.25;
 // A path leads away though the robot comes nearer by so much on it, metres: distances are told in
-// steps of voxels.
+// steps of voxels. Whether one does that begins as near as that is not known.
 constexpr double kSameDistance = 0.02;
 // As a horizon.
 constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
@@ -106,7 +106,8 @@ void ToMessage(const KeptLevels& kept, const SeparationSettings& settings,
   message.set_distance(kept.path.distance);
   message.mutable_nearest()->set_segment(kept.path.segment);
   message.mutable_nearest()->set_fraction(kept.path.fraction);
-  message.set_leads_away(kept.path.distance >= kept.path.at_start - kSameDistance);
+  message.set_leads_away(kept.path.at_start > kSameDistance &&
+                         kept.path.distance >= kept.path.at_start - kSameDistance);
   message.mutable_protective_distances()->Assign(kept.distances.begin(), kept.distances.end());
   message.set_image_age(absl::ToDoubleSeconds(kept.image_age));
 }
@@ -118,7 +119,7 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
                               const v1::SeparationPolicy& request, const Stop& cancelled,
                               v1::Separation* separation) {
   const Served& served = checker.served();
-  const SeparationBasis* basis = served.database->separation();
+  const SeparationBasis* basis = served.database->separation().get();
   if (basis == nullptr) {
     return absl::FailedPreconditionError(
         "separation: distances to people need camera models in the database, and the robot's model "
@@ -140,8 +141,10 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
   }
   if (!kept && Stopped(cancelled)) return absl::CancelledError();
   const Moment now = serving.settings.clock();
-  const Reason blocked =
-      BlockedReason(served, {.preset = Preset::kSound}, serving.settings.scene, now);
+  Served of_now = served;  // what has become known of the calibration meanwhile counts, too
+  of_now.trust = serving.scenes.trust();
+  const Policy sound{.preset = Preset::kSound};
+  const Reason blocked = BlockedReason(of_now, sound, serving.settings.scene, now);
   separation->set_range(basis->range());
   if (!kept || blocked != Reason::kNone) {
     const Reason reason = blocked != Reason::kNone ? blocked : Reason::kOutsideGrid;
@@ -149,7 +152,9 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
     return absl::OkStatus();
   }
   ToMessage(*kept, settings, *separation);
-  ToMessage(kept->image_age - served.scene->AgeAt(now), separation->mutable_valid_for());
+  ToMessage(std::min(kept->image_age - served.scene->AgeAt(now),
+                     ValidFor(of_now, sound, serving.settings.scene, now)),
+            separation->mutable_valid_for());
   return absl::OkStatus();
 }
 

@@ -323,7 +323,7 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
 
 // Of a cell that states the section 'separation'.
 void LogSeparation(const ServedDatabase& database, const Cell& cell) {
-  const SeparationBasis* basis = database.separation();
+  const SeparationBasis* basis = database.separation().get();
   if (basis == nullptr) {
     spdlog::warn(
         "distances to people are not served: they need camera models in the database; import a "

@@ -130,9 +130,9 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
 bool Expire(client::PathUpdate& update) {
   constexpr client::Reason kExpired = client::Reason::kUpdateExpired;
   client::PathCheck& check = update.check;
-  const bool level =
-      check.separation && check.separation->level > 0 && check.separation->LevelNow() == 0;
-  if (level) check.separation = client::Separation{.unknown_reason = kExpired};
+  const bool separation = check.separation && !check.separation->ValidNow() &&
+                          (check.separation->level > 0 || check.separation->leads_away);
+  if (separation) check.separation = client::Separation{.unknown_reason = kExpired};
   const bool verdict = check.verdict.free() && !update.FreeNow();
   if (verdict) {
     check.verdict = {.reason = kExpired};
@@ -140,7 +140,7 @@ bool Expire(client::PathUpdate& update) {
     check.configuration.clear();
     check.narrowest.reset();
   }
-  return level || verdict;
+  return separation || verdict;
 }
 
 // One call, until it ends: why it ended, OK if nothing more is wanted.

@@ -49,7 +49,8 @@ struct Separation {
   // Where that is: waypoint number and fraction of the way to the next one.
   int segment = 0;
   double fraction = 0;
-  // Nowhere on the path is the robot nearer than at its beginning, but for 2 cm.
+  // Nowhere on the path is the robot nearer than at its beginning, but for 2 cm. False where it
+  // begins within these. Ask LeadsAwayNow().
   bool leads_away = false;
   // The distances that the levels keep from the path, from slow to fast, metres. From a single
   // waypoint they keep what the robot moves until it stands, too.
@@ -60,8 +61,11 @@ struct Separation {
   Reason unknown_reason = Reason::kUnspecified;
   RunningClock::time_point valid_until = {};
 
-  // `level`, and 0 when the reply is too old to be gone by.
-  int LevelNow() const { return RunningClock::now() < valid_until ? level : 0; }
+  // Whether the reply is not too old to be gone by; `level`, and `leads_away`, and 0 and false when
+  // it is.
+  bool ValidNow() const { return RunningClock::now() < valid_until; }
+  int LevelNow() const { return ValidNow() ? level : 0; }
+  bool LeadsAwayNow() const { return ValidNow() && leads_away; }
 };
 
 }  // namespace silhouette::client

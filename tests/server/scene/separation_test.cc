@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "tests/server/scene/drawn_scene.h"
 
@@ -95,6 +96,28 @@ TEST_F(SeparationTest, NoTrueDistanceOnAPathIsLess) {
   EXPECT_GT(told, 0.7 * in_truth);
 }
 
+TEST_F(SeparationTest, WhoeverAsksFirstDecidesNoDistanceOfAnother) {
+  const Policy all_views{.max_occluded_views = 0};
+  const Policy few_views{.max_occluded_views = 3};
+  int differ = 0;
+  for (int scene = 0; scene < 20; ++scene) {
+    const Configuration now = Any();
+    const SceneInput input = InputOf(now, {{SomebodyNear(now)[0].centre, 0.04}});
+    const auto distance = [&](const Served& served, const Policy& policy) {
+      return Checker(served, policy, settings, kDrawnNow)
+          .Distance(std::vector<Configuration>{now}, {})
+          .value()
+          .distance;
+    };
+    const Served shared = ServedScene(input);
+    const double first = distance(shared, all_views);
+    EXPECT_EQ(distance(shared, few_views), distance(ServedScene(input), few_views));
+    EXPECT_EQ(distance(shared, all_views), first);
+    differ += first > distance(shared, few_views) ? 1 : 0;
+  }
+  EXPECT_GT(differ, 0) << "no scene tells";
+}
+
 TEST_F(SeparationTest, AnEmptyCellThatIsSeenKeepsEveryDistance) {
   int kept = 0;
   for (int scene = 0; scene < 10; ++scene) {
@@ -157,9 +180,10 @@ TEST_F(SeparationTest, APersonAtTheRimOfTheOnlyImageCountsThoughUnseenSpaceIsSta
     const Served served = ServedScene(input);
     const Checker checker(served, kSound, settings, kDrawnNow);
     ASSERT_TRUE(checker.Distance(std::vector<Configuration>{now}, {}));
-    const SpaceDistances* space = served.scene->separation.made();
-    ASSERT_NE(space, nullptr);
-    EXPECT_LE(space->Distance(at, 1), kRadius) << shown.front() << " pixels";
+    const SpaceDistances& space = served.scene->separation.Get(
+        {database->separation(), MaxOccludedViews(kSound, database->views())},
+        []() -> SpaceDistances { throw std::logic_error("it is there"); });
+    EXPECT_LE(space.Distance(at, 1), kRadius) << shown.front() << " pixels";
   }
   EXPECT_EQ(scenes, SampleCount(20));
 }

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Speed and separation over the API.
 #include <gmock/gmock.h>
+#include <pthread.h>
 
+#include <array>
+#include <atomic>
 #include <cmath>
+#include <string>
 #include <thread>
 
 #include "silhouette/client.h"
@@ -53,8 +57,63 @@ struct SeparationServiceTest : ::testing::Test {
     return client->CheckPath(path, {}, client::Clearance::kOmit, {}, policy);
   }
 
+  // That may be gone by for half a second.
+  void PublishAtIntervals() {
+    Publish();
+    server.clock.Advance(absl::Milliseconds(400));
+    Publish();
+  }
+
+  // Of a path whose levels keep hardly a distance.
+  v1::CheckPathResponse AskAway() {
+    v1::CheckPathRequest request;
+    Set({2.6, 0}, request.add_waypoints());
+    Set({2.7, 0}, request.add_waypoints());
+    request.mutable_separation()->set_human_speed(0.01);
+    request.mutable_separation()->set_near_human_speed(0.01);
+    return server.Ask(&v1::CollisionService::Stub::CheckPath, request);
+  }
+
+  void AllowEverywhere(absl::Duration duration) {
+    v1::AllowRegionRequest request = RegionAt("part", 0, duration);
+    request.clear_views();
+    for (const auto& view : database->cell().views()) {
+      v1::RegionPixels& pixels = *request.add_views();
+      pixels.set_view(view.name());
+      Set(~Mask(kDrawnSize), pixels.mutable_mask());
+    }
+    server.Ask(&v1::SceneService::Stub::AllowRegion, request);
+  }
+  void Revoke() {
+    v1::RevokeRegionRequest request;
+    request.set_name("part");
+    server.Ask(&v1::SceneService::Stub::RevokeRegion, request);
+  }
+
+  // In the thread of a check, when it looks at the clock for the n-th time.
+  void AtLook(int n, std::function<void()> action) {
+    at_look = std::move(action);
+    looks_left = n;
+  }
+  bool InACheck() {
+    std::array<char, 16> name{};
+    pthread_getname_np(pthread_self(), name.data(), name.size());
+    return std::string(name.data()) == "checks";
+  }
+
+  std::function<void()> at_look;
+  std::atomic<int> looks_left = 0;
+  std::atomic<int> looks = 0;  // in checks
   std::shared_ptr<const ServedDatabase> database = SeparatingDatabase(true);
-  TestServer server{database};
+  TestServer server{database, {}, [this](const Clock& inner) {
+                      return [this, inner] {
+                        if (InACheck()) {
+                          ++looks;
+                          if (--looks_left == 0) at_look();
+                        }
+                        return inner();
+                      };
+                    }};
 };
 
 TEST_F(SeparationServiceTest, APathTowardsSomebodyKeepsLessDistanceThanOneAway) {
@@ -103,6 +162,16 @@ TEST_F(SeparationServiceTest, ARobotThatStaysKeepsTheDistanceOfOnePlace) {
   EXPECT_EQ(path->separation->distance, place->separation->distance);
 }
 
+TEST_F(SeparationServiceTest, NoPathIsKnownToLeadAwayFromWhereNoDistanceIsKnown) {
+  Publish();
+  for (const Configuration& end : {Configuration{-0.1, 0}, Configuration{1.5, 0}}) {
+    const auto path = Ask({{0.1, 0}, end});
+    ASSERT_TRUE(path.ok() && path->separation) << path.status();
+    EXPECT_EQ(path->separation->distance, 0);
+    EXPECT_FALSE(path->separation->leads_away);
+  }
+}
+
 // The path comes nearer and nearer: what the level moves until it stands decides.
 TEST_F(SeparationServiceTest, TheHorizonGoesOnUntilTheRobotStands) {
   Publish();
@@ -144,8 +213,54 @@ TEST_F(SeparationServiceTest, AReplyIsNotGoneByWhenItIsOld) {
   auto path = Ask({{3, 0}}, {.human_speed = 0.01, .near_human_speed = 0.01, .reaction_time = 0.0});
   ASSERT_TRUE(path.ok() && path->separation) << path.status();
   EXPECT_GT(path->separation->level, 0);
+  path->separation->leads_away = true;
   std::this_thread::sleep_until(path->separation->valid_until);
   EXPECT_EQ(path->separation->LevelNow(), 0);
+  EXPECT_FALSE(path->separation->LeadsAwayNow());
+}
+
+TEST_F(SeparationServiceTest, NoLevelOutlastsTheRegionThatItRestsOn) {
+  PublishAtIntervals();
+  const auto valid_for = [&] { return AskAway().separation().valid_for().nanos(); };
+  EXPECT_EQ(valid_for(), 500'000'000);
+  AllowEverywhere(absl::Milliseconds(100));
+  EXPECT_EQ(valid_for(), 100'000'000);
+}
+
+TEST_F(SeparationServiceTest, NoLevelOutlastsTheCheckOfTheCalibrationThatItRestsOn) {
+  PublishAtIntervals();
+  CalibrationTrust trust;
+  trust.holds = true;
+  trust.fingerprint = database->calibration_fingerprint();
+  trust.until = server.clock.clock()().running + absl::Milliseconds(100);
+  server.server->SetTrust(std::make_shared<const CalibrationTrust>(trust));
+  EXPECT_EQ(AskAway().separation().valid_for().nanos(), 100'000'000);
+}
+
+TEST_F(SeparationServiceTest, WhatEndsAVerdictWhileItIsMadeEndsItsLevel) {
+  int ended = 0;
+  for (int look = 1; look < 8; ++look) {
+    PublishAtIntervals();
+    AllowEverywhere(absl::Seconds(10));
+    EXPECT_EQ(AskAway().separation().level(), 2);
+    AtLook(look, [this] { Revoke(); });
+    const v1::CheckPathResponse path = AskAway();
+    looks_left = 0;
+    if (path.verdict().reason() != v1::Verdict::REASON_REGION_ENDED) continue;
+    ++ended;
+    EXPECT_EQ(path.separation().level(), 0) << "at look " << look;
+    EXPECT_EQ(path.separation().unknown_reason(), path.verdict().reason());
+    EXPECT_EQ(path.separation().valid_for().nanos(), 0);
+  }
+  EXPECT_GT(ended, 1);
+}
+
+TEST_F(SeparationServiceTest, TheClockIsReadThoughChecksHoldAllWorkers) {
+  Publish();
+  server.Check({}, PolicyNamed("sound"));
+  EXPECT_EQ(looks, 0);
+  server.CheckOne({3, 0}, PolicyNamed("sound"));
+  EXPECT_GT(looks, 0);
 }
 
 TEST_F(SeparationServiceTest, LevelsOfTheRequestReplaceThoseOfTheCell) {
@@ -171,10 +286,20 @@ TEST_F(SeparationServiceTest, WhatCannotBeIsRefused) {
 
 TEST_F(SeparationServiceTest, EndlessPathsAreRefused) {
   Publish({});
-  EXPECT_EQ(Ask({{2.9, 0}, {2.9, 1e300}}).status().code(), absl::StatusCode::kResourceExhausted);
-  const auto beginning = Ask({{2.9, 0}, {2.9, 1e300}}, {.horizon = 0.1});
+  EXPECT_EQ(Ask({{2.9, 0}, {1e5, 0}}).status().code(), absl::StatusCode::kResourceExhausted);
+  const auto beginning = Ask({{2.9, 0}, {1e5, 0}}, {.horizon = 0.1});
   ASSERT_TRUE(beginning.ok() && beginning->separation) << beginning.status();
   EXPECT_GT(beginning->separation->distance, 0);
+}
+
+TEST_F(SeparationServiceTest, NothingIsKnownOfAPathBeyondTheJointsLimits) {
+  Publish({});
+  for (double beyond : {2.1, 1e5, 1e300}) {
+    const auto path = Ask({{2.9, 0}, {2.9, beyond}});
+    ASSERT_TRUE(path.ok() && path->separation) << path.status();
+    EXPECT_EQ(path->separation->level, 0);
+    EXPECT_EQ(path->separation->unknown_reason, client::Reason::kOutsideGrid);
+  }
 }
 
 TEST_F(SeparationServiceTest, AWatchTellsItWithEveryScene) {
