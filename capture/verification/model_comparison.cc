@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <opencv2/core.hpp>
 #include <stdexcept>
@@ -530,14 +531,14 @@ ModelComparison CompareModel(const DrawnRobot& bare, std::span<const GridJoint> 
                              const ComparisonSettings& settings,
                              const std::function<void(uint64_t done)>& progress) {
   ModelComparison found = Comparing(bare, link_names, view_names, samples, settings, progress).Go();
-  for (std::string& fault : UnmovedJoints(bare.chain(), joints, samples, settings.least_moved)) {
-    found.faults.push_back(std::move(fault));
+  std::vector<std::string> faults =
+      UnmovedJoints(bare.chain(), joints, samples, settings.least_moved);
+  if (faults.empty()) {
+    const auto grown = Grown(bare, found.LinkGrowth());
+    if (!grown.ok()) throw std::invalid_argument(std::string(grown.status().message()));
+    faults = UndirectedJoints(bare, *grown, joints, samples);
   }
-  const auto grown = Grown(bare, found.LinkGrowth());
-  if (!grown.ok()) throw std::invalid_argument(std::string(grown.status().message()));
-  for (std::string& fault : UndirectedJoints(bare, *grown, joints, samples)) {
-    found.faults.push_back(std::move(fault));
-  }
+  std::ranges::move(faults, std::back_inserter(found.faults));
   return found;
 }
 

@@ -216,6 +216,19 @@ std::string LargerSample(const VerifyModelOptions& options, const ModelCompariso
   return absl::StrCat(what, command, " --sample ", found.enough);
 }
 
+// The link that grows most, as a line, if that is much.
+std::string MuchGrowth(const ModelOfCell& model, const ModelComparison& found) {
+  constexpr double kMuch = 0.02;  // metres
+  const std::vector<double> growth = found.LinkGrowth();
+  const auto most = std::ranges::max_element(growth);
+  if (most == growth.end() || *most < kMuch) return "";
+  return absl::StrFormat(
+      "most growth        %.1f cm, link '%s': right if a cable or tool reaches as far, otherwise "
+      "its joint or mesh is wrong; an obstacle within it is in the robot's own image, and may be "
+      "missed\n",
+      100 * *most, model.links[static_cast<size_t>(most - growth.begin())]);
+}
+
 std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell& model,
                            const ModelComparison& found, size_t configurations) {
   Table links{{"link", "growth, cm", "not captured, %"}};
@@ -250,7 +263,8 @@ std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell&
       TextOf(links), "\n", TextOf(views), "\n",
       absl::StrFormat("held out           %d masks, %d of them lack a pixel (%d pixels)\n",
                       found.held_out_masks, found.held_out_missing, found.held_out_pixels),
-      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional), further);
+      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional), further,
+      MuchGrowth(model, found));
 }
 
 nlohmann::ordered_json ComparisonJson(const ModelOfCell& model, const ModelComparison& found,
