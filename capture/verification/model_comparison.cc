@@ -533,7 +533,7 @@ ModelComparison CompareModel(const DrawnRobot& bare, std::span<const GridJoint> 
   ModelComparison found = Comparing(bare, link_names, view_names, samples, settings, progress).Go();
   std::vector<std::string> faults =
       UnmovedJoints(bare.chain(), joints, samples, settings.least_moved);
-  if (faults.empty()) {
+  if (faults.empty() && settings.least_moved > 0) {
     const auto grown = Grown(bare, found.LinkGrowth());
     if (!grown.ok()) throw std::invalid_argument(std::string(grown.status().message()));
     faults = UndirectedJoints(bare, *grown, joints, samples);

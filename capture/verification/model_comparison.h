@@ -40,7 +40,8 @@ struct ComparisonSettings {
   double most_held_out = 0.02;
   // Share of a joint's range, and of no more than a turn, that the samples must span, or they say
   // too little of its axis (UnmovedJoints). A shoulder that may turn all round spans less than
-  // half a turn above a floor, and less than that in a small sample.
+  // half a turn above a floor, and less than that in a small sample. 0: neither this is asked, nor
+  // which way joints turn (UndirectedJoints).
   double least_moved = 0.3;
   // Fewer configurations say too little of a link: half of them are held out.
   size_t least_configurations = 30;
