@@ -50,8 +50,16 @@ class OneAddress : public testing::Test {
     ASSERT_TRUE(started.ok()) << started.status();
     server_ = *std::move(started);
     address_ = server_->address();
-    const auto scene = Client::Connect(address_)->PublishScene(
-        RequestOf(block == 5 ? EmptyCellScene() : SceneWithBlock(block)));
+    const auto publish = [&] {
+      return Client::Connect(address_)->PublishScene(
+          RequestOf(block == 5 ? EmptyCellScene() : SceneWithBlock(block)));
+    };
+    auto scene = publish();
+    // gRPC may still hold that the server before is gone.
+    for (const absl::Time start = absl::Now();
+         absl::IsUnavailable(scene.status()) && absl::Now() - start < kOtherCellLong;) {
+      scene = publish();
+    }
     ASSERT_TRUE(scene.ok()) << scene.status();
   }
   void ServeOther(const storage::v1::CellDescription& cell) { Serve(NewDatabase({.cell = cell})); }
