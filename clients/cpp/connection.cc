@@ -130,7 +130,7 @@ absl::Status Connection::RequireSameCell(const Cell& cell) const {
       absl::StrCat("the server at ", address_, " now serves ", spoken(cell),
                    cell.name == cell_->name ? " with another grid, fixed joint or view"
                                             : absl::StrCat(", not ", spoken(*cell_)),
-                   "; connect anew"));
+                   "; connect again"));
 }
 
 // Most of gRPC's status codes are absl's, with the same numbers.

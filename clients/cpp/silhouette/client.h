@@ -68,7 +68,7 @@ class PublishingClock;
 // was forked from one that had a client, every call is a FailedPrecondition: it would disturb the
 // parent's. From the first answer on a client is of one cell: if the server of another one (by
 // name, grid, fixed joints or views) has the address later, checks, watches and GetDatabase end as
-// FailedPrecondition, and nothing of a LocalSpace is known; connect anew.
+// FailedPrecondition, and nothing of a LocalSpace is known; connect again.
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the

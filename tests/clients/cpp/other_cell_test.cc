@@ -96,7 +96,7 @@ TEST_F(OneAddress, OtherCellAnswersNoQuestion) {
         watch.Next(kOtherCellLong).status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
     EXPECT_EQ(status.message(), "the server at " + address_ +
-                                    " now serves cell 'lathe', not cell 'press'; connect anew");
+                                    " now serves cell 'lathe', not cell 'press'; connect again");
   }
 }
 
@@ -137,9 +137,9 @@ TEST_F(OneAddress, SameCellIsFollowedThroughARestartANewGenerationAndNewMasks) {
   Serve(LoadDatabase(path_));
   EXPECT_EQ(Asked(*client_), State::kFree);
   EXPECT_GT(client_->GetDatabase()->generation(), generation);
-  storage::v1::CellDescription masked_anew = CellNamed("press");
-  masked_anew.set_segmentation("threshold: 3\n");
-  ServeOther(masked_anew);
+  storage::v1::CellDescription segmented = CellNamed("press");
+  segmented.set_segmentation("threshold: 3\n");
+  ServeOther(segmented);
   EXPECT_EQ(Asked(*client_), State::kFree);
 }
 
