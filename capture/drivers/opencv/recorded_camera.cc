@@ -81,9 +81,10 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view
   std::vector<std::string> files;
   for (fs::directory_iterator at(source.folder, error), end; !error && at != end;
        at.increment(error)) {
-    if (at->is_regular_file() && cv::haveImageReader(at->path().string())) {
-      files.push_back(at->path().string());
-    }
+    if (!at->is_regular_file()) continue;
+    const std::string file = at->path().string();
+    // By its bytes or by its name: a damaged image left out would let the view run ahead of others.
+    if (cv::haveImageReader(file) || cv::haveImageWriter(file)) files.push_back(file);
   }
   if (error) {
     return absl::NotFoundError(

@@ -66,14 +66,21 @@ TEST_F(FolderCamera, EndIsToldOrTheFirstComesAgain) {
   EXPECT_EQ(RecordedCameraTake(**endless)->pixels[0], 10);
 }
 
-TEST_F(FolderCamera, FoldersWithoutImagesAndDamagedImagesAreTold) {
+TEST_F(FolderCamera, FoldersWithoutImagesAreTold) {
   EXPECT_TRUE(absl::IsNotFound(OpenFolder("top", {.folder = folder_ + "/none"}).status()));
   std::filesystem::create_directories(folder_ + "/empty");
   EXPECT_TRUE(absl::IsInvalidArgument(OpenFolder("top", {.folder = folder_ + "/empty"}).status()));
-  std::filesystem::resize_file(folder_ + "/1.png", 40);
-  const auto camera = OpenFolder("top", {.folder = folder_});
-  ASSERT_TRUE(camera.ok()) << camera.status();
-  EXPECT_THAT(RecordedCameraTake(**camera).status().message(), HasSubstr("1.png is not an image"));
+}
+
+TEST_F(FolderCamera, DamagedImageIsToldInItsTurnAndTheOthersKeepTheirs) {
+  for (const int bytes : {40, 4, 0}) {
+    std::filesystem::resize_file(folder_ + "/1.png", bytes);
+    const auto camera = OpenFolder("top", {.folder = folder_});
+    ASSERT_TRUE(camera.ok()) << camera.status();
+    EXPECT_THAT(RecordedCameraTake(**camera).status().message(),
+                HasSubstr("1.png is not an image"));
+    EXPECT_EQ(RecordedCameraTake(**camera)->pixels[0], 20);
+  }
 }
 
 TEST(VideoCamera, GivesEveryImageOnce) {
