@@ -33,15 +33,20 @@ constexpr double kFewLoose = 3;
 using Fault = std::string;
 
 // In a binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
-// Some begin with 'solid', too.
+// Some begin with 'solid', too; those bytes of a text make a number that no file has triangles for.
 Fault OfStl(const std::string& bytes) {
   uint32_t triangles = 0;
   if (bytes.size() >= 84) std::memcpy(&triangles, &bytes[80], 4);
-  if (bytes.size() == 84 + 50 * uint64_t{triangles}) return "";
+  const uint64_t binary = 84 + 50 * uint64_t{triangles};
+  if (bytes.size() == binary) return "";
+  if (triangles > 0 && bytes.size() > binary) return "has bytes after its last triangle";
   const size_t end = bytes.find_last_not_of(" \t\r\n");
   const size_t line = bytes.find_last_of("\r\n", end);
   const size_t word = bytes.find_first_not_of(" \t", line == std::string::npos ? 0 : line + 1);
-  if (word != std::string::npos && bytes.compare(word, 8, "endsolid") == 0) return "";
+  if (word != std::string::npos &&
+      absl::StartsWithIgnoreCase(absl::string_view(bytes).substr(word), "endsolid")) {
+    return "";
+  }
   if (!absl::StartsWith(bytes, "solid") && bytes.size() >= 84) {
     return absl::StrCat("is cut off: its header counts ", triangles, " triangles, ",
                         (bytes.size() - 84) / 50, " are there");

@@ -322,6 +322,7 @@ TEST(RobotModel, TextMeshThatIsCutOffIsNotTakenForAWholeOne) {
   const std::string whole = TetrahedronStl();
   const std::string urdf = WriteFile(folder / "robot.urdf", WithMesh("link.STL"));
   const std::vector<std::string> texts = {whole, absl::StrReplaceAll(whole, {{"\n", "\r\n"}}),
+                                          absl::StrReplaceAll(whole, {{"endsolid", "ENDSOLID"}}),
                                           whole + "\n\n"};
   for (const std::string& text : texts) {
     WriteFile(folder / "link.STL", text);
@@ -347,6 +348,30 @@ std::string RefusalOf(const std::string& file, const std::string& mesh) {
   WriteFile(folder / file, mesh);
   const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh(file)));
   return std::string(robot.status().message());
+}
+
+TEST(RobotModel, BinaryMeshWithBytesTooFewOrTooManyIsRefusedForThat) {
+  for (const std::string begin : {"part", "solid part"}) {
+    std::string mesh = begin + std::string(80 - begin.size(), ' ');
+    const auto add = [&mesh](uint32_t bits) {
+      for (int i = 0; i < 4; ++i) mesh += static_cast<char>(bits >> 8 * i & 255);
+    };
+    const std::vector<std::array<int, 3>> triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+    add(static_cast<uint32_t>(triangles.size()));
+    for (const std::array<int, 3>& corners : triangles) {
+      for (int axis = 0; axis < 3; ++axis) add(0);  // the normal
+      for (const int corner : corners) {
+        for (int axis = 1; axis <= 3; ++axis) add(corner == axis ? 0x3f800000 : 0);
+      }
+      mesh += std::string(2, '\0');
+    }
+    EXPECT_EQ(RefusalOf("link.stl", mesh), "");
+    EXPECT_THAT(RefusalOf("link.stl", mesh + "\n"), HasSubstr("has bytes after its last triangle"));
+    for (const size_t less : {1, 50, 51}) {
+      EXPECT_THAT(RefusalOf("link.stl", mesh.substr(0, mesh.size() - less)),
+                  HasSubstr("is cut off"));
+    }
+  }
 }
 
 TEST(RobotModel, MeshWithAVertexThatIsNoNumberIsRefusedWhereverItStands) {
