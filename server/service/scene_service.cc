@@ -84,9 +84,9 @@ class Scenes final : public SceneCalls {
             [this, arrived, context](const v1::PublishSceneRequest& request,
                                      v1::PublishSceneResponse* response) -> absl::Status {
               const ServingSettings& settings = serving_.settings;
-              ASSIGN_OR_RETURN(const SceneInput input,
-                               SceneInputFrom(request, settings.scene, arrived));
+              ASSIGN_OR_RETURN(SceneInput input, SceneInputFrom(request, settings.scene, arrived));
               const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
+              serving_.repeated_images.TakeOut(*database, arrived, input);
               ASSIGN_OR_RETURN(Scene scene, MakeScene(*database, input, settings.scene,
                                                       settings.segmentation, arrived));
               ASSIGN_OR_RETURN(const SharedScene published,

@@ -21,6 +21,7 @@
 #include "server/service/clients.h"
 #include "server/service/index_check.h"
 #include "server/service/map_keeper.h"
+#include "server/service/repeated_images.h"
 #include "server/service/serving_settings.h"
 #include "server/service/space_cache.h"
 #include "server/service/watch_hub.h"
@@ -89,6 +90,7 @@ struct Serving {
       : settings(std::move(the_settings)),
         scenes(std::move(database)),
         publisher(settings, scenes),
+        repeated_images(settings.without_noise),
         watches(scenes, settings.scene, settings.clock),
         map_keeper(std::make_shared<MapKeeper>(settings, scenes, spaces)),
         index_check(settings, scenes, spaces),
@@ -119,6 +121,7 @@ struct Serving {
   const ServingSettings settings;
   SceneStore scenes;
   ScenePublisher publisher;
+  RepeatedImages repeated_images;
   SpaceCache spaces;
   ClearanceCache clearances;
   WatchedPaths watched_paths;

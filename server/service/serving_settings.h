@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "absl/time/time.h"
@@ -43,6 +44,9 @@ struct ServingSettings {
   // long.
   int64_t most_path_checks = 1'000'000;
   int64_t most_path_searches = 20'000;
+  // Views whose camera images have no noise: the same image in a row does not mean that the camera
+  // is frozen.
+  std::set<std::string> without_noise;
   // Of the server's own acquisition, if it takes images itself; then PublishScene is
   // refused.
   std::shared_ptr<LiveRecord> live;

@@ -344,6 +344,7 @@ absl::Status Serve(const Options& options, Signals& signals) {
   settings.index_check = cell.server.index_check;
   settings.segmentation = cell.segmentation;
   settings.joint_slides = cell.joint_slides;
+  settings.without_noise = LiveConfigOf(cell).without_noise;
   settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()
                                                    ? cell.server.calibration_check

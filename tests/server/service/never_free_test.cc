@@ -13,8 +13,8 @@ namespace silhouette {
 namespace {
 
 struct NeverFree : ::testing::Test {
-  std::shared_ptr<const ServedDatabase> database =
-      NewDatabase({.missing = {{0, 7}}, .excluded = {{4, 7}}, .corrupt = {{2, 7}}});
+  std::shared_ptr<const ServedDatabase> database = NewDatabase(
+      {.missing = {{0, 7}}, .excluded = {{4, 7}}, .corrupt = {{2, 7}}, .references = true});
   TestServer server{database, Settings()};
 
   static ServingSettings Settings() {
@@ -139,7 +139,54 @@ TEST_F(NeverFree, CameraThatStopped) {
   ExpectOnlyUnknown(v1::Verdict::REASON_SCENE_STALE);
 }
 
-TEST_F(NeverFree, CameraThatRepeatsItsLastImage) {
+struct FrozenCamera : NeverFree {
+  // What the camera of view 0 gives: its picture with a `grain` of the noise in one corner.
+  SceneInput Pictured(int grain) {
+    SceneInput input = EmptyCellScene();
+    cv::Mat picture = CameraPicture(0, RobotMask(0, 0, 0));
+    picture.data[0] = static_cast<uchar>(picture.data[0] + grain);
+    input.views[0].image = EncodedImage{PngOf(picture)};
+    return input;
+  }
+  // Taken so long after the one before.
+  v1::Scene Publish(TestServer& to, int grain, absl::Duration later = absl::Milliseconds(50)) {
+    to.clock.Advance(later);
+    return to.Publish(Pictured(grain));
+  }
+};
+
+TEST_F(FrozenCamera, ThatRepeatsItsImageUnderNewTimesIsMissingUntilItGivesAnother) {
+  for (int image = 0; image < 2; ++image) {
+    EXPECT_EQ(Publish(server, 0).defects_size(), 0);
+    EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+  }
+  for (int image = 0; image < 3; ++image) {
+    const v1::Scene scene = Publish(server, 0);
+    ASSERT_EQ(scene.defects_size(), 1);
+    EXPECT_EQ(scene.defects(0).reason(), v1::Verdict::REASON_VIEW_MISSING);
+    EXPECT_THAT(scene.defects(0).message(), testing::HasSubstr("the camera is frozen"));
+    EXPECT_EQ(server.CheckOne(At(1, 0)).reason(), v1::Verdict::REASON_VIEW_MISSING);
+    EXPECT_EQ(server.Path({At(0, 0), At(1, 0)}).verdict().state(), v1::Verdict::STATE_UNKNOWN);
+  }
+  EXPECT_EQ(Publish(server, 1).defects_size(), 0);
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+}
+
+TEST_F(FrozenCamera, IsNoneThatNeverGivesTheSameImageTwiceInARowOrOneThatIsSentAgain) {
+  for (int image = 0; image < 6; ++image) {
+    EXPECT_EQ(Publish(server, image % 2).defects_size(), 0);
+    EXPECT_EQ(Publish(server, image % 2, absl::ZeroDuration()).defects_size(), 0);
+  }
+}
+
+TEST_F(FrozenCamera, IsNoneWhoseSourceHasNoNoise) {
+  ServingSettings settings = Settings();
+  settings.without_noise = {kViewNames[0]};
+  TestServer quiet(database, settings);
+  for (int image = 0; image < 6; ++image) EXPECT_EQ(Publish(quiet, 0).defects_size(), 0);
+}
+
+TEST_F(NeverFree, CameraThatGivesAnImageOfThePast) {
   SceneInput input = EmptyCellScene();
   input.views[1].captured = MomentOf(server.clock.now(), server.clock.clock()());
   server.clock.Advance(absl::Milliseconds(400));

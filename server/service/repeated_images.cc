@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/repeated_images.h"
+
+#include <xxhash.h>
+
+#include <variant>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace silhouette {
+namespace {
+
+// An image whose time is nearer than this to that of the one before is that image, sent again: its
+// sender may have read the server's clock anew.
+constexpr absl::Duration kSameTime = absl::Milliseconds(5);
+
+}  // namespace
+
+void RepeatedImages::TakeOut(const ServedDatabase& database, const Moment& arrived,
+                             SceneInput& input) {
+  const std::lock_guard lock(mutex_);
+  std::erase_if(input.views, [&](const ViewInput& view) {
+    const auto* image = std::get_if<EncodedImage>(&view.image);
+    if (image == nullptr || !database.ViewOf(view.view) || without_noise_.contains(view.view)) {
+      return false;
+    }
+    const uint64_t digest = XXH3_64bits(image->bytes.data(), image->bytes.size());
+    const absl::Duration captured = view.captured.value_or(arrived).running;
+    Image& newest = newest_[view.view];
+    if (newest.times == 0 || (digest != newest.digest && captured > newest.captured)) {
+      newest = {digest, captured, 1};
+    } else if (digest == newest.digest && captured - newest.captured > kSameTime) {
+      newest.captured = captured;
+      ++newest.times;
+    }
+    if (digest != newest.digest || newest.times < kFrozen) return false;
+    input.without_views[view.view] = absl::StrCat(
+        "the camera is frozen: ", newest.times,
+        " images in a row are the same, byte for byte, under new time stamps; restart the camera; "
+        "if its source has no noise (a file, a simulator, strong compression), state 'noise: none' "
+        "at its view in the cell file");
+    return true;
+  });
+}
+
+}  // namespace silhouette
