@@ -17,49 +17,103 @@ constexpr size_t kFewestMissingPixels = 4;
 // With three views and more the limit is that many times most_robot_missing: there are more views
 // in which someone may hide some of it.
 constexpr double kOfManyViews = 1.7;
+// Where the views have too few such pixels each, all but one have this share of theirs together at
+// least.
+constexpr double kFewPixelsMissing = 0.5;
+// A robot that is there fills more than this share of what it may cover.
+constexpr double kLeastSeen = 0.05;
 
-// Of the pixels which the robot certainly covers, its base apart.
+// Of what the robot covers in a view, its base apart.
 struct RobotPixels {
-  size_t expected = 0;
-  size_t missing = 0;  // show background
+  size_t certain = 0;   // pixels that it covers
+  size_t missing = 0;   // of these, background
+  size_t anywhere = 0;  // pixels that it may cover
+  size_t seen = 0;      // of these, foreground
 
+  bool Tells() const { return certain >= kFewestRobotPixels; }
   double share() const {
-    return missing == 0 ? 0 : static_cast<double>(missing) / static_cast<double>(expected);
+    return Tells() ? static_cast<double>(missing) / static_cast<double>(certain) : 0;
+  }
+  bool Unseen() const {
+    return static_cast<double>(seen) < kLeastSeen * static_cast<double>(anywhere);
   }
 };
 
 RobotPixels RobotPixelsOf(const ViewToCheck& view) {
   if (view.foreground == nullptr || view.robot == nullptr) return {};
-  Mask expected = view.robot->certain;
-  if (view.ignored != nullptr) expected = expected - *view.ignored;
-  if (view.base != nullptr) expected = expected - *view.base;
-  const RobotPixels pixels{expected.Count(), (expected - *view.foreground).Count()};
-  return pixels.expected < kFewestRobotPixels ? RobotPixels() : pixels;
+  const auto counted = [&view](Mask pixels) {
+    if (view.ignored != nullptr) pixels = pixels - *view.ignored;
+    return view.base != nullptr ? pixels - *view.base : pixels;
+  };
+  const Mask certain = counted(view.robot->certain);
+  const Mask anywhere = counted(view.robot->anywhere);
+  return {certain.Count(), (certain - *view.foreground).Count(), anywhere.Count(),
+          (anywhere & *view.foreground).Count()};
+}
+
+// Whether views miss more of the robot than may be, each by itself.
+bool MissesMuch(std::span<const RobotPixels> robot, double most_missing) {
+  size_t pixels = 0;
+  double sum = 0;
+  double greatest = 0;
+  for (const RobotPixels& view : robot) {
+    if (view.Tells()) pixels += view.missing;
+    sum += view.share();
+    greatest = std::max(greatest, view.share());
+  }
+  const double missing = robot.size() > 1 ? sum - greatest : sum;
+  const double limit = robot.size() > 2 ? kOfManyViews * most_missing : most_missing;
+  return pixels >= kFewestMissingPixels && missing > limit;
+}
+
+// Whether all views but the one that misses most, together, miss most of the robot: what each of
+// them shows of a thin robot in coarse masks may be too little.
+bool MissesMostTogether(std::span<const RobotPixels> robot) {
+  RobotPixels all;
+  RobotPixels most;
+  for (const RobotPixels& view : robot) {
+    all.certain += view.certain;
+    all.missing += view.missing;
+    if (view.missing > most.missing) most = view;
+  }
+  if (robot.size() > 1) {
+    all.certain -= most.certain;
+    all.missing -= most.missing;
+  }
+  return all.Tells() && all.share() > kFewPixelsMissing;
+}
+
+// Whether all views but one, of those in which the robot may cover enough, show nothing there; of
+// several views, two at least.
+bool Nowhere(std::span<const RobotPixels> robot) {
+  size_t able = 0;
+  size_t unseen = 0;
+  for (const RobotPixels& view : robot) {
+    if (view.anywhere < kFewestRobotPixels) continue;
+    ++able;
+    if (view.Unseen()) ++unseen;
+  }
+  return unseen >= std::min<size_t>(robot.size(), 2) && unseen + 1 >= able;
 }
 
 void CheckRobot(std::span<const ViewToCheck> views, double most_missing,
                 std::vector<SceneDefect>& defects) {
   std::vector<RobotPixels> robot;
-  size_t pixels = 0;
-  double sum = 0;
-  double greatest = 0;
-  for (const ViewToCheck& view : views) {
-    robot.push_back(RobotPixelsOf(view));
-    pixels += robot.back().missing;
-    sum += robot.back().share();
-    greatest = std::max(greatest, robot.back().share());
-  }
-  const double missing = views.size() > 1 ? sum - greatest : sum;
-  const double limit = views.size() > 2 ? kOfManyViews * most_missing : most_missing;
-  if (pixels < kFewestMissingPixels || missing <= limit) return;
+  for (const ViewToCheck& view : views) robot.push_back(RobotPixelsOf(view));
+  const bool nowhere = Nowhere(robot);
+  if (!nowhere && !MissesMuch(robot, most_missing) && !MissesMostTogether(robot)) return;
   for (size_t view = 0; view < views.size(); ++view) {
-    if (robot[view].missing == 0) continue;
+    const RobotPixels& pixels = robot[view];
+    if (pixels.missing == 0 && !(nowhere && pixels.Unseen())) continue;
+    const double share = pixels.missing > 0 ? static_cast<double>(pixels.missing) /
+                                                  static_cast<double>(pixels.certain)
+                                            : 1;
     defects.push_back(
         {Reason::kRobotElsewhere,
          absl::StrFormat("view '%s' shows the empty cell on %.0f %% of the pixels where the robot "
                          "should be: let the robot report its true joints, and scenes state its "
                          "variant",
-                         views[view].name, 100 * robot[view].share())});
+                         views[view].name, 100 * share)});
   }
 }
 

@@ -111,6 +111,49 @@ TEST_F(ViewCheckTest, WhatHidesTheRobotInOneViewOrALittleInTwoMovesItNowhere) {
   EXPECT_EQ(defects({9, 9, 0, 9}), 3u) << "a little, but in three";
 }
 
+// A robot that coarse masks show as thin: few pixels or none are certainly its own.
+struct ThinRobotTest : ViewCheckTest {
+  // How many defects views have that miss `missing` of `certain` pixels, and show `seen` of the 48
+  // that the robot may cover.
+  struct Seen {
+    int certain;
+    int missing;
+    int seen;
+  };
+  size_t DefectsOf(const std::vector<Seen>& seen) const {
+    const auto rows = [](int from, int to) {
+      return Mask::FromPredicate(kCheckedSize,
+                                 [=](int x, int y) { return x == 10 && y >= from && y < to; });
+    };
+    std::vector<Mask> foregrounds;
+    std::vector<RobotCover> robots;
+    for (const Seen& view : seen) {
+      foregrounds.push_back(rows(view.missing, view.missing + view.seen));
+      robots.push_back({rows(0, 48), rows(0, view.certain)});
+    }
+    std::vector<ViewToCheck> views;
+    for (size_t view = 0; view < seen.size(); ++view) {
+      views.push_back({.name = "top", .foreground = &foregrounds[view], .robot = &robots[view]});
+    }
+    return CheckViews(views, kCheckedNames, settings).size();
+  }
+};
+
+TEST_F(ThinRobotTest, ThatViewsMissTogetherIsElsewhere) {
+  EXPECT_EQ(DefectsOf({{10, 10, 20}, {10, 10, 20}, {6, 6, 20}, {3, 3, 20}}), 4u);
+  EXPECT_EQ(DefectsOf({{10, 10, 20}, {10, 2, 20}, {6, 2, 20}, {3, 0, 20}}), 0u)
+      << "much in one view only";
+  EXPECT_EQ(DefectsOf({{10, 10, 20}, {10, 10, 20}, {3, 3, 20}}), 0u)
+      << "of 13 pixels nothing follows";
+}
+
+TEST_F(ThinRobotTest, ThatNoViewOrOneAloneShowsIsElsewhere) {
+  EXPECT_EQ(DefectsOf({{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}), 3u);
+  EXPECT_EQ(DefectsOf({{0, 0, 1}, {0, 0, 1}, {0, 0, 30}}), 2u) << "somebody stands there";
+  EXPECT_EQ(DefectsOf({{0, 0, 0}, {0, 0, 10}, {0, 0, 10}}), 0u) << "as bright as the floor in one";
+  EXPECT_EQ(DefectsOf({{0, 0, 0}, {0, 0, 30}}), 0u);
+}
+
 TEST_F(ViewCheckTest, IgnoredPixelsDoNotCount) {
   foreground = Mask(kCheckedSize);
   const Mask ignored = Columns(0, 30);
