@@ -46,6 +46,7 @@ absl::Status McapRotation::Begin(absl::Time time) {
   RETURN_IF_ERROR(writer.status());
   writer_ = *std::move(writer);
   path_ = writer_->path();
+  newest_ = time;
   for (McapMessage& message : opening_()) {
     message.logged = time;
     writer_->Add(message);
@@ -54,23 +55,32 @@ absl::Status McapRotation::Begin(absl::Time time) {
   return absl::OkStatus();
 }
 
-void McapRotation::MakeRoom() const {
-  std::vector<std::filesystem::path> files;
+void McapRotation::MakeRoom() {
+  begun_.push_back(path_);
+  if (begun_.size() > static_cast<size_t>(settings_.files)) begun_.erase(begun_.begin());
+  std::vector<std::string> files;
   std::error_code error;
   for (const auto& entry : std::filesystem::directory_iterator(settings_.folder, error)) {
     if (IsNamedAfterTime(entry.path().filename().string(), settings_.prefix)) {
-      files.push_back(entry.path());
+      files.push_back(entry.path().string());
     }
   }
-  std::ranges::sort(files);  // their names begin with their times
+  // Those of earlier runs first, by their names, which begin with their times.
+  std::ranges::sort(files, {}, [&](const std::string& file) {
+    const auto begun = std::ranges::find(begun_, file);
+    return std::pair(begun == begun_.end() ? -1 : begun - begun_.begin(), file);
+  });
   for (size_t i = 0; i + static_cast<size_t>(settings_.files) < files.size(); ++i) {
-    if (files[i] != path_) std::filesystem::remove(files[i], error);
+    std::filesystem::remove(files[i], error);
   }
 }
 
 absl::Status McapRotation::Add(const McapMessage& message) {
   absl::Status status;
-  if (writer_ != nullptr && writer_->bytes() >= settings_.file_bytes && !failed_) status = Close();
+  if (writer_ != nullptr && !failed_ &&
+      (writer_->bytes() >= settings_.file_bytes || message.logged < newest_)) {
+    status = Close();
+  }
   if (writer_ == nullptr) status = Begin(message.logged);
   if (waiting_ > kMostWaiting && !failed_) status.Update(Flush());
   if (writer_ == nullptr || waiting_ > kMostWaiting) {
@@ -78,6 +88,7 @@ absl::Status McapRotation::Add(const McapMessage& message) {
     return status;
   }
   writer_->Add(message);
+  newest_ = std::max(newest_, message.logged);
   waiting_ += message.data.size();
   return status;
 }
@@ -100,9 +111,9 @@ absl::Status McapRotation::Close() {
   return absl::OkStatus();
 }
 
-absl::Status EventExcerpts::Add(const McapMessage& message) {
+absl::Status EventExcerpts::Add(const McapMessage& message, absl::Duration running) {
   absl::Status status;
-  if (until_ && message.logged > *until_) {
+  if (until_ && running > *until_) {
     until_.reset();
     status = files_.Close();
   }
@@ -111,24 +122,25 @@ absl::Status EventExcerpts::Add(const McapMessage& message) {
     return files_.Add(message);
   }
   kept_bytes_ += message.data.size();
-  kept_.push_back(message);
-  while (kept_.front().logged < message.logged - before_ || kept_bytes_ > kMostBytes) {
-    kept_bytes_ -= kept_.front().data.size();
-    if (kept_.front().channel == standing_channel_) standing_ = std::move(kept_.front());
+  kept_.push_back({message, running});
+  while (kept_.front().running < running - before_ || kept_bytes_ > kMostBytes) {
+    McapMessage& oldest = kept_.front().message;
+    kept_bytes_ -= oldest.data.size();
+    if (oldest.channel == standing_channel_) standing_ = std::move(oldest);
     kept_.pop_front();
     if (kept_.empty()) break;
   }
   return status;
 }
 
-absl::Status EventExcerpts::Keep(absl::Time time) {
-  until_ = time + after_;
+absl::Status EventExcerpts::Keep(absl::Duration running) {
+  until_ = running + after_;
   absl::Status first_error;
   if (standing_ && !kept_.empty()) {
-    standing_->logged = kept_.front().logged;
+    standing_->logged = kept_.front().message.logged;
     first_error.Update(files_.Add(*standing_));
   }
-  for (McapMessage& message : kept_) {
+  for (auto& [message, when] : kept_) {
     first_error.Update(files_.Add(message));
     if (message.channel == standing_channel_) standing_ = std::move(message);
   }

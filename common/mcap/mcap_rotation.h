@@ -35,8 +35,8 @@ class McapRotation {
   McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
                std::function<std::vector<McapMessage>()> opening);
 
-  // Begins a file if there is none, and the next one if it is full. A message that cannot be
-  // written is kept (see Flush).
+  // Begins a file if there is none, and the next one if it is full or the wall clock was set back:
+  // the times of a file never step back. A message that cannot be written is kept (see Flush).
   absl::Status Add(const McapMessage& message);
 
   // Writes to the disk what was added. After an error (a full disk) it is kept and written later,
@@ -55,22 +55,26 @@ class McapRotation {
   static constexpr uint64_t kMostWaiting = uint64_t{64} << 20;
 
   absl::Status Begin(absl::Time time);
-  // Removes the oldest files.
-  void MakeRoom() const;
+  // Removes the oldest files: those of earlier runs by their names, then those begun here in the
+  // order in which they were begun, whatever the wall clock said.
+  void MakeRoom();
 
   const McapRotationSettings settings_;
   const std::vector<McapChannel> channels_;
   const std::function<std::vector<McapMessage>()> opening_;
   std::unique_ptr<McapWriter> writer_;
   std::string path_;
-  uint64_t waiting_ = 0;  // bytes added since the last Flush that succeeded
+  std::vector<std::string> begun_;  // in this order; the last files that can still be there
+  absl::Time newest_;               // of the messages of the file
+  uint64_t waiting_ = 0;            // bytes added since the last Flush that succeeded
   uint64_t lost_ = 0;
   bool failed_ = false;  // the last write; only the next Flush() tries again
 };
 
 // Keeps the messages around events: those of `before` in memory, and from an event on for `after`
 // they go into files, after those that were kept. Each event, or several that follow each other
-// closely, has a file of its own, more if it becomes too large. Not thread-safe.
+// closely, has a file of its own, more if it becomes too large or the wall clock is set back. What
+// is before and after counts by a clock that never steps, `running`. Not thread-safe.
 class EventExcerpts {
  public:
   // `standing`: a channel whose newest message holds until the next. What is kept before an event
@@ -78,10 +82,10 @@ class EventExcerpts {
   EventExcerpts(McapRotation files, absl::Duration before, absl::Duration after, uint16_t standing)
       : files_(std::move(files)), before_(before), after_(after), standing_channel_(standing) {}
 
-  // Messages come in the order of their times.
-  absl::Status Add(const McapMessage& message);
+  // Messages come in the order of `running`.
+  absl::Status Add(const McapMessage& message, absl::Duration running);
   // There is an event at the time of the newest message.
-  absl::Status Keep(absl::Time time);
+  absl::Status Keep(absl::Duration running);
   absl::Status Flush() { return files_.Flush(); }
   // Ends the file, and forgets what is kept in memory.
   absl::Status Close();
@@ -92,14 +96,19 @@ class EventExcerpts {
   // No more is kept in memory, whatever `before` says.
   static constexpr uint64_t kMostBytes = uint64_t{512} << 20;
 
+  struct Kept {
+    McapMessage message;
+    absl::Duration running;
+  };
+
   McapRotation files_;
   const absl::Duration before_;
   const absl::Duration after_;
   const uint16_t standing_channel_;
   std::optional<McapMessage> standing_;  // the newest that is not in kept_
-  std::deque<McapMessage> kept_;
+  std::deque<Kept> kept_;
   uint64_t kept_bytes_ = 0;
-  std::optional<absl::Time> until_;  // while an excerpt is written
+  std::optional<absl::Duration> until_;  // while an excerpt is written
 };
 
 }  // namespace silhouette

@@ -32,13 +32,13 @@ Recorder::Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse dat
       all_(RotationOf(settings, "recording"), ChannelsOf(database_),
            [this] {
              std::vector<McapMessage> opening = {{.channel = kDatabaseChannel,
-                                                  .logged = now_,
-                                                  .published = now_,
+                                                  .logged = now_.wall,
+                                                  .published = now_.wall,
                                                   .data = database_.SerializeAsString()}};
              if (state_) {
                opening.push_back({.channel = kStateChannel,
-                                  .logged = now_,
-                                  .published = now_,
+                                  .logged = now_.wall,
+                                  .published = now_.wall,
                                   .data = state_->SerializeAsString()});
              }
              return opening;
@@ -47,33 +47,31 @@ Recorder::Recorder(const RecorderSettings& settings, v1::GetDatabaseResponse dat
           McapRotation(RotationOf(settings, "stop"), ChannelsOf(database_),
                        [this] {
                          return std::vector<McapMessage>{{.channel = kDatabaseChannel,
-                                                          .logged = now_,
-                                                          .published = now_,
+                                                          .logged = now_.wall,
+                                                          .published = now_.wall,
                                                           .data = database_.SerializeAsString()}};
                        }),
           settings.around_stops, settings.around_stops, kStateChannel) {}
 
-void Recorder::Advance(absl::Time now) {
-  if (now < now_ - kJitter) {
-    fault_.Update(all_.Close());
-    fault_.Update(stops_.Close());
-    now_ = now;
-    state_added_ = absl::InfinitePast();
+void Recorder::Advance(const RecorderTime& now) {
+  if (now.wall < now_.wall - kJitter) {
+    now_.wall = now.wall;
+    state_added_ = -absl::InfiniteDuration();  // the files that now begin say what holds
   }
-  now_ = std::max(now_, now);
+  now_ = {.wall = std::max(now_.wall, now.wall), .running = now.running};
 }
 
 void Recorder::Add(uint16_t channel, absl::Time published, std::string data) {
   const McapMessage message{
-      .channel = channel, .logged = now_, .published = published, .data = std::move(data)};
+      .channel = channel, .logged = now_.wall, .published = published, .data = std::move(data)};
   if (!only_stops_) fault_.Update(all_.Add(message));
-  fault_.Update(stops_.Add(message));
+  fault_.Update(stops_.Add(message, now_.running));
 }
 
 void Recorder::AddState() {
   if (!state_) return;
-  state_added_ = now_;
-  Add(kStateChannel, now_, state_->SerializeAsString());
+  state_added_ = now_.running;
+  Add(kStateChannel, now_.wall, state_->SerializeAsString());
 }
 
 void Recorder::AddImages(const v1::WatchScenesResponse& news) {
@@ -81,25 +79,26 @@ void Recorder::AddImages(const v1::WatchScenesResponse& news) {
     const auto view = std::ranges::find(database_.views(), picture.view(), &v1::View::name);
     if (view == database_.views().end()) continue;
     const auto place = static_cast<uint16_t>(view - database_.views().begin());
-    Add(static_cast<uint16_t>(kFirstCameraChannel + place), now_,
-        CompressedImageOf(picture.jpeg(), now_));
+    Add(static_cast<uint16_t>(kFirstCameraChannel + place), now_.wall,
+        CompressedImageOf(picture.jpeg(), now_.wall));
   }
 }
 
-void Recorder::Update(v1::GetDatabaseResponse database, absl::Time now) {
+void Recorder::Update(v1::GetDatabaseResponse database, const RecorderTime& now) {
   const std::string before = database_.calibration_check().SerializeAsString();
   database_ = std::move(database);
   if (database_.calibration_check().SerializeAsString() == before) return;
   Advance(now);
-  Add(kDatabaseChannel, now_, database_.SerializeAsString());
+  Add(kDatabaseChannel, now_.wall, database_.SerializeAsString());
 }
 
-std::vector<RecordedStop> Recorder::Take(const v1::WatchScenesResponse& news, absl::Time now) {
+std::vector<RecordedStop> Recorder::Take(const v1::WatchScenesResponse& news,
+                                         const RecorderTime& now) {
   Advance(now);
   if (news.has_state()) {
     state_ = news.state();
     AddState();
-  } else if (now_ - state_added_ >= kBetweenStates) {
+  } else if (now_.running - state_added_ >= kBetweenStates) {
     AddState();
   }
   if (news.has_scene()) {
@@ -112,21 +111,21 @@ std::vector<RecordedStop> Recorder::Take(const v1::WatchScenesResponse& news, ab
   AddImages(news);
   std::vector<RecordedStop> stops;
   for (const v1::WatchedPath& path : news.paths()) {
-    Add(kPathChannel, now_, path.SerializeAsString());
+    Add(kPathChannel, now_.wall, path.SerializeAsString());
     if (path.ended()) {
       free_.erase(path.id());
       continue;
     }
     const bool is_free = path.answer().check().verdict().state() == v1::Verdict::STATE_FREE;
     if (std::exchange(free_[path.id()], is_free) && !is_free) {
-      stops.push_back({.time = now_, .path = path});
+      stops.push_back({.time = now_.wall, .path = path});
     }
   }
-  if (!stops.empty()) fault_.Update(stops_.Keep(now_));
+  if (!stops.empty()) fault_.Update(stops_.Keep(now_.running));
   return stops;
 }
 
-void Recorder::Lose(absl::Time now) {
+void Recorder::Lose(const RecorderTime& now) {
   Advance(now);
   state_.emplace().set_database_generation(database_.generation());
   state_->set_unknown_reason(v1::Verdict::REASON_NO_SCENE);
@@ -139,12 +138,11 @@ void Recorder::Lose(absl::Time now) {
     v1::WatchedPath path;
     path.set_id(id);
     path.set_ended(true);
-    Add(kPathChannel, now_, path.SerializeAsString());
+    Add(kPathChannel, now_.wall, path.SerializeAsString());
   }
 }
 
-absl::Status Recorder::Flush(absl::Time now) {
-  Advance(now);
+absl::Status Recorder::Flush() {
   absl::Status fault = std::exchange(fault_, absl::OkStatus());
   fault.Update(all_.Flush());
   fault.Update(stops_.Flush());

@@ -28,6 +28,12 @@ struct RecorderSettings {
   absl::Duration around_stops = absl::Seconds(30);
 };
 
+// An instant by both clocks.
+struct RecorderTime {
+  absl::Time wall;         // for people, in the files; may be set at any time, in either direction
+  absl::Duration running;  // for order and age: since some fixed instant; never steps
+};
+
 // A watched path was free and is not any more.
 struct RecordedStop {
   absl::Time time;
@@ -44,18 +50,19 @@ class Recorder {
   const v1::GetDatabaseResponse& database() const { return database_; }
   // From `now` on. `database`: of the same generation; what may have changed is the check of the
   // calibration.
-  void Update(v1::GetDatabaseResponse database, absl::Time now);
+  void Update(v1::GetDatabaseResponse database, const RecorderTime& now);
 
-  // Adds a message that arrived at `now`, and returns the stops in it. If the clock was set back,
-  // new files begin: the times of a file never step back.
-  std::vector<RecordedStop> Take(const v1::WatchScenesResponse& news, absl::Time now);
+  // Adds a message that arrived at `now`, and returns the stops in it. If the wall clock was set
+  // back, new files begin: the times of a file never step back. The time around a stop is kept
+  // whatever the wall clock does.
+  std::vector<RecordedStop> Take(const v1::WatchScenesResponse& news, const RecorderTime& now);
   // The server is lost: from `now` on nothing is known, and no path is watched. A server that comes
   // back counts scenes and paths from 1 again.
-  void Lose(absl::Time now);
+  void Lose(const RecorderTime& now);
 
   // Writes to the disk what was added; an error of Take(), too, comes from here. To be called once
   // a second.
-  absl::Status Flush(absl::Time now);
+  absl::Status Flush();
   // Ends the files.
   absl::Status Close();
 
@@ -70,7 +77,7 @@ class Recorder {
 
  private:
   // Sets now_.
-  void Advance(absl::Time now);
+  void Advance(const RecorderTime& now);
   void Add(uint16_t channel, absl::Time published, std::string data);
   void AddState();
   void AddImages(const v1::WatchScenesResponse& news);
@@ -79,10 +86,10 @@ class Recorder {
   const bool only_stops_;
   McapRotation all_;
   EventExcerpts stops_;
-  absl::Time now_ = absl::UnixEpoch();
+  RecorderTime now_ = {.wall = absl::UnixEpoch(), .running = {}};
   std::optional<v1::ServedState> state_;
-  absl::Time state_added_ = absl::InfinitePast();
-  std::map<uint64_t, bool> free_;  // watched paths, by id
+  absl::Duration state_added_ = -absl::InfiniteDuration();  // running
+  std::map<uint64_t, bool> free_;                           // watched paths, by id
   uint64_t last_scene_ = 0;
   uint64_t scenes_ = 0;
   uint64_t missed_scenes_ = 0;

@@ -20,6 +20,7 @@
 #include "db/status/status_macros.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "silhouette/running_clock.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
@@ -49,6 +50,11 @@ std::string TimeText(absl::Time time) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
 }
 
+RecorderTime Now() {
+  return {.wall = absl::Now(),
+          .running = absl::FromChrono(client::RunningClock::now().time_since_epoch())};
+}
+
 class Program {
  public:
   Program(Client client, const Arguments& arguments)
@@ -65,8 +71,9 @@ class Program {
         return ended;
       }
       if (!lost_since_) {
-        lost_since_ = absl::Now();
-        if (recorder_) recorder_->Lose(*lost_since_);
+        const RecorderTime now = Now();
+        lost_since_ = now.running;
+        if (recorder_) recorder_->Lose(now);
         Note("lost", absl::StrCat(ended.message(), "; trying again"));
       }
       for (absl::Duration waited; waited < kBetweenAttempts && !StopRequested(); waited += kLook) {
@@ -91,10 +98,10 @@ class Program {
   }
 
   absl::Status Take(const v1::WatchScenesResponse& news) {
-    const absl::Time now = absl::Now();
+    const RecorderTime now = Now();
     if (lost_since_) {
       Note("back", absl::StrFormat("recording again after %.0f s",
-                                   absl::ToDoubleSeconds(now - *lost_since_)));
+                                   absl::ToDoubleSeconds(now.running - *lost_since_)));
       lost_since_.reset();
     }
     // A file is of one generation. A new state may be that of another check of the calibration.
@@ -145,10 +152,10 @@ class Program {
   }
 
   void Flush() {
-    const absl::Time now = absl::Now();
-    if (!recorder_ || absl::AbsDuration(now - flushed_) < kBetweenFlushes) return;
+    const absl::Duration now = Now().running;
+    if (!recorder_ || now - flushed_ < kBetweenFlushes) return;
     flushed_ = now;
-    const absl::Status status = recorder_->Flush(now);
+    const absl::Status status = recorder_->Flush();
     if (status.ok() && disk_failed_) Note("disk", "the disk takes the recording again");
     if (!status.ok() && !disk_failed_) {
       Note("disk", absl::StrCat(status.message(),
@@ -197,8 +204,8 @@ class Program {
   const Client client_;
   const Arguments arguments_;
   std::optional<Recorder> recorder_;
-  std::optional<absl::Time> lost_since_;
-  absl::Time flushed_ = absl::InfinitePast();
+  std::optional<absl::Duration> lost_since_;  // running
+  absl::Duration flushed_ = -absl::InfiniteDuration();
   bool disk_failed_ = false;
   // Of recorders that are closed.
   uint64_t scenes_ = 0;

@@ -234,9 +234,10 @@ TEST_F(McapTest, EventAfterMuchThatWaitedIsKept) {
                                       [] { return std::vector<McapMessage>(); }),
                          absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
   const std::string large(1 << 20, 'x');
-  for (int i = 0; i < 80; ++i) ASSERT_TRUE(excerpts.Add(At(0.1 * i, large)).ok());
-  ASSERT_TRUE(excerpts.Add(At(8, "the stop")).ok());
-  ASSERT_TRUE(excerpts.Keep(At(8, "").logged).ok());
+  for (int i = 0; i < 80; ++i)
+    ASSERT_TRUE(excerpts.Add(At(0.1 * i, large), absl::Seconds(0.1 * i)).ok());
+  ASSERT_TRUE(excerpts.Add(At(8, "the stop"), absl::Seconds(8)).ok());
+  ASSERT_TRUE(excerpts.Keep(absl::Seconds(8)).ok());
   ASSERT_TRUE(excerpts.Close().ok());
   EXPECT_EQ(excerpts.files().lost(), 0u);
   const std::vector<std::string> kept = ReadFile(excerpts.files().path()).data;
@@ -292,20 +293,36 @@ TEST_F(McapTest, FileThatIsWrittenMakesNoRoomThoughOthersHaveLaterNames) {
   EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("a"));
 }
 
+TEST_F(McapTest, AClockThatIsSetBackMakesNoNewFileTheOldest) {
+  std::ofstream(folder_ / "r-20990101T000000.000Z.mcap") << "of an earlier run";
+  McapRotation files({folder_, "r", 1 << 20, 3}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  for (const int hours : {40, 30, 20, 10}) {
+    ASSERT_TRUE(files.Add(At(3600 * hours, std::to_string(hours))).ok());
+  }
+  ASSERT_TRUE(files.Close().ok());
+  std::vector<std::string> kept;
+  for (const std::string& name : Files()) {
+    for (const std::string& data : ReadFile(folder_ / name).data) kept.push_back(data);
+  }
+  EXPECT_THAT(kept, ElementsAre("10", "20", "30"));
+}
+
 TEST_F(McapTest, TheTimeAroundEventsIsKeptAndNoOther) {
   EventExcerpts excerpts(McapRotation({folder_, "stop", 1 << 20, 10}, kChannels,
                                       [] { return std::vector<McapMessage>(); }),
                          absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
   auto add_until = [&, next = 0](int end) mutable {
-    for (; next <= end; ++next) ASSERT_TRUE(excerpts.Add(At(next, std::to_string(next))).ok());
+    for (; next <= end; ++next)
+      ASSERT_TRUE(excerpts.Add(At(next, std::to_string(next)), absl::Seconds(next)).ok());
   };
   add_until(100);
   EXPECT_THAT(Files(), IsEmpty());
-  ASSERT_TRUE(excerpts.Keep(At(100, "").logged).ok());
+  ASSERT_TRUE(excerpts.Keep(absl::Seconds(100)).ok());
   add_until(120);
-  ASSERT_TRUE(excerpts.Keep(At(120, "").logged).ok());  // within the time after the first
+  ASSERT_TRUE(excerpts.Keep(absl::Seconds(120)).ok());  // within the time after the first
   add_until(300);
-  ASSERT_TRUE(excerpts.Keep(At(300, "").logged).ok());
+  ASSERT_TRUE(excerpts.Keep(absl::Seconds(300)).ok());
   add_until(310);
   ASSERT_TRUE(excerpts.Close().ok());
   const std::vector<std::string> names = Files();

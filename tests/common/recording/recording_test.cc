@@ -26,6 +26,11 @@ const absl::Time kStart = absl::FromUnixSeconds(1'769'860'800);
 
 absl::Time After(double seconds) { return kStart + absl::Seconds(seconds); }
 
+// Both clocks after `seconds`, the wall clock set by `step` since the start.
+RecorderTime Now(double seconds, double step = 0) {
+  return {.wall = After(seconds + step), .running = absl::Hours(50) + absl::Seconds(seconds)};
+}
+
 class RecordingTest : public ::testing::Test {
  protected:
   static v1::GetDatabaseResponse Database() {
@@ -56,6 +61,9 @@ class RecordingTest : public ::testing::Test {
   }
 
   std::vector<std::string> Files(const std::string& prefix) const {
+    return FilesIn(folder, prefix);
+  }
+  static std::vector<std::string> FilesIn(const std::string& folder, const std::string& prefix) {
     std::vector<std::string> files;
     for (const auto& entry : fs::directory_iterator(folder)) {
       if (entry.path().filename().string().starts_with(prefix)) files.push_back(entry.path());
@@ -83,11 +91,11 @@ class RecordingTest : public ::testing::Test {
 };
 
 TEST_F(RecordingTest, AMomentHasTheNewestSceneBeforeIt) {
-  recorder.Take(State(), After(0));
+  recorder.Take(State(), Now(0));
   for (int i = 0; i < 100; ++i) {
-    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
+    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), Now(0.1 * i));
     if (i % 7 != 0) continue;
-    ASSERT_TRUE(recorder.Flush(After(0.1 * i)).ok());
+    ASSERT_TRUE(recorder.Flush().ok());
   }
   const auto recording = Read();
   EXPECT_EQ(recording->summary().cell, "cell");
@@ -99,13 +107,13 @@ TEST_F(RecordingTest, AMomentHasTheNewestSceneBeforeIt) {
 }
 
 TEST_F(RecordingTest, ACheckOfTheCalibrationHoldsFromItsTimeOn) {
-  recorder.Take(Scene(1), After(0));
+  recorder.Take(Scene(1), Now(0));
   v1::GetDatabaseResponse doubtful = Database();
   doubtful.mutable_calibration_check()->set_message("camera 'left' has moved");
-  recorder.Update(doubtful, After(1));
-  recorder.Take(Scene(2), After(1));
-  recorder.Update(doubtful, After(2));  // nothing new
-  recorder.Take(Scene(3), After(2));
+  recorder.Update(doubtful, Now(1));
+  recorder.Take(Scene(2), Now(1));
+  recorder.Update(doubtful, Now(2));  // nothing new
+  recorder.Take(Scene(3), Now(2));
   const auto recording = Read();
   EXPECT_FALSE(recording->At(After(0.5), absl::Seconds(1))->database.has_calibration_check());
   for (const double seconds : {1.0, 2.0}) {
@@ -116,9 +124,9 @@ TEST_F(RecordingTest, ACheckOfTheCalibrationHoldsFromItsTimeOn) {
 }
 
 TEST_F(RecordingTest, AGapHasNoScene) {
-  recorder.Take(State(), After(0));
-  recorder.Take(Scene(1), After(0));
-  recorder.Take(Scene(2), After(10));
+  recorder.Take(State(), Now(0));
+  recorder.Take(Scene(1), Now(0));
+  recorder.Take(Scene(2), Now(10));
   const auto recording = Read();
   EXPECT_EQ(SceneAt(*recording, 1), 1u);
   EXPECT_EQ(SceneAt(*recording, 1.001), 0u);
@@ -127,8 +135,8 @@ TEST_F(RecordingTest, AGapHasNoScene) {
 }
 
 TEST_F(RecordingTest, BeforeTheStartAndAfterTheEndThereIsNothing) {
-  recorder.Take(State(), After(0));
-  recorder.Take(Scene(1), After(1));
+  recorder.Take(State(), Now(0));
+  recorder.Take(Scene(1), Now(1));
   const auto recording = Read();
   for (const double outside : {-0.001, 1.001}) {
     EXPECT_EQ(recording->At(After(outside), absl::Seconds(1)).status().code(),
@@ -139,12 +147,12 @@ TEST_F(RecordingTest, BeforeTheStartAndAfterTheEndThereIsNothing) {
 }
 
 TEST_F(RecordingTest, PathsAreThoseThatWereWatchedThenWithTheirNewestAnswer) {
-  recorder.Take(Path(7, v1::Verdict::STATE_FREE), After(0));
-  recorder.Take(Path(7, v1::Verdict::STATE_OCCUPIED), After(1));
+  recorder.Take(Path(7, v1::Verdict::STATE_FREE), Now(0));
+  recorder.Take(Path(7, v1::Verdict::STATE_OCCUPIED), Now(1));
   v1::WatchScenesResponse end;
   end.add_paths()->set_id(7);
   end.mutable_paths(0)->set_ended(true);
-  recorder.Take(end, After(2));
+  recorder.Take(end, Now(2));
   const auto recording = Read();
   const auto states = [&](double seconds) {
     std::vector<int> found;
@@ -162,13 +170,13 @@ TEST_F(RecordingTest, PathsAreThoseThatWereWatchedThenWithTheirNewestAnswer) {
 }
 
 TEST_F(RecordingTest, ALostServerIsUnknownAndItsPathsEnd) {
-  recorder.Take(State(), After(0));
-  recorder.Take(Scene(1), After(0));
-  recorder.Take(Path(1, v1::Verdict::STATE_FREE), After(0));
-  recorder.Lose(After(0.5));
+  recorder.Take(State(), Now(0));
+  recorder.Take(Scene(1), Now(0));
+  recorder.Take(Path(1, v1::Verdict::STATE_FREE), Now(0));
+  recorder.Lose(Now(0.5));
   // It was restarted: its first path is another.
-  recorder.Take(State(), After(4));
-  EXPECT_THAT(recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), After(4)), IsEmpty());
+  recorder.Take(State(), Now(4));
+  EXPECT_THAT(recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), Now(4)), IsEmpty());
   const auto recording = Read();
   EXPECT_THAT(recording->summary().stops, IsEmpty());
   const auto lost = recording->At(After(0.6), absl::Seconds(1));
@@ -178,10 +186,10 @@ TEST_F(RecordingTest, ALostServerIsUnknownAndItsPathsEnd) {
 }
 
 TEST_F(RecordingTest, AnExcerptBeginsWithTheStateThatHeldThen) {
-  recorder.Take(State(v1::Verdict::REASON_VARIANT_UNKNOWN), After(0));
-  recorder.Take(Path(1, v1::Verdict::STATE_FREE), After(0));
-  for (int i = 0; i < 340; ++i) recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
-  recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), After(34));
+  recorder.Take(State(v1::Verdict::REASON_VARIANT_UNKNOWN), Now(0));
+  recorder.Take(Path(1, v1::Verdict::STATE_FREE), Now(0));
+  for (int i = 0; i < 340; ++i) recorder.Take(Scene(static_cast<uint64_t>(i + 1)), Now(0.1 * i));
+  recorder.Take(Path(1, v1::Verdict::STATE_OCCUPIED), Now(34));
   const auto recording = Read("stop-");
   const absl::Time start = recording->summary().start;
   EXPECT_EQ(start, After(4));
@@ -191,11 +199,11 @@ TEST_F(RecordingTest, AnExcerptBeginsWithTheStateThatHeldThen) {
 }
 
 TEST_F(RecordingTest, AClockThatIsSetBackBeginsAnotherFile) {
-  recorder.Take(State(), After(100));
-  recorder.Take(Scene(1), After(100));
-  recorder.Take(Scene(2), After(50));
-  recorder.Take(Scene(3), After(100));
-  recorder.Take(Scene(4), After(49));
+  recorder.Take(State(), Now(0, 100));
+  recorder.Take(Scene(1), Now(0, 100));
+  recorder.Take(Scene(2), Now(0, 50));
+  recorder.Take(Scene(3), Now(1, 99));
+  recorder.Take(Scene(4), Now(1, 48));
   ASSERT_TRUE(recorder.Close().ok());
   std::vector<std::vector<absl::Time>> times;
   for (const std::string& file : Files("recording-")) {
@@ -208,13 +216,47 @@ TEST_F(RecordingTest, AClockThatIsSetBackBeginsAnotherFile) {
                                  ElementsAre(After(100))));
 }
 
+// A scene each 0.1 s for 40 s, then a stop, and 10 s more. The wall clock is set by `step` 5.7 s
+// before the stop.
+TEST_F(RecordingTest, TheTimeAroundAStopIsKeptWhereverTheClockIsSet) {
+  for (const double step : {3600.0, -3600.0}) {
+    const std::string stops = FreshFolder();
+    Recorder stop_recorder({.folder = stops, .only_stops = true}, Database());
+    stop_recorder.Take(State(), Now(0));
+    for (int i = 0; i <= 500; ++i) {
+      const RecorderTime now = Now(0.1 * i, i < 343 ? 0 : step);
+      stop_recorder.Take(Scene(static_cast<uint64_t>(i + 1)), now);
+      const auto state = i < 400 ? v1::Verdict::STATE_FREE : v1::Verdict::STATE_OCCUPIED;
+      EXPECT_THAT(stop_recorder.Take(Path(1, state), now), SizeIs(i == 400 ? 1 : 0));
+      ASSERT_TRUE(stop_recorder.Flush().ok());
+    }
+    ASSERT_TRUE(stop_recorder.Close().ok());
+    std::vector<absl::Time> scenes;
+    std::vector<absl::Time> stopped;
+    for (const std::string& file : FilesIn(stops, "stop-")) {
+      const auto recording = Recording::Open(file);
+      ASSERT_TRUE(recording.ok()) << recording.status();
+      const RecordingSummary& summary = (*recording)->summary();
+      EXPECT_TRUE((*recording)->At(summary.start, absl::Seconds(1))->state) << file;
+      scenes.insert(scenes.end(), summary.scenes.begin(), summary.scenes.end());
+      for (const auto& stop : summary.stops) stopped.push_back(stop.time);
+    }
+    std::ranges::sort(scenes);
+    std::vector<absl::Time> all;
+    for (int i = 100; i <= 500; ++i) all.push_back(Now(0.1 * i, i < 343 ? 0 : step).wall);
+    std::ranges::sort(all);
+    EXPECT_EQ(scenes, all) << step;
+    EXPECT_THAT(stopped, ElementsAre(After(40 + step)));
+  }
+}
+
 TEST_F(RecordingTest, PicturesAreThoseOfTheTimeOfTheScene) {
   v1::WatchScenesResponse picture;
   picture.add_images()->set_view("left");
   picture.mutable_images(0)->set_jpeg("jpeg");
-  recorder.Take(picture, After(0));
-  recorder.Take(Scene(1), After(0.2));
-  recorder.Take(Scene(2), After(0.9));
+  recorder.Take(picture, Now(0));
+  recorder.Take(Scene(1), Now(0.2));
+  recorder.Take(Scene(2), Now(0.9));
   const auto recording = Read();
   const auto pictures = [&](double seconds) {
     return recording->At(After(seconds), absl::Seconds(1))->pictures;
@@ -225,8 +267,8 @@ TEST_F(RecordingTest, PicturesAreThoseOfTheTimeOfTheScene) {
 
 TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
   for (int i = 0; i < 50; ++i) {
-    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), After(0.1 * i));
-    ASSERT_TRUE(recorder.Flush(After(0.1 * i)).ok());
+    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), Now(0.1 * i));
+    ASSERT_TRUE(recorder.Flush().ok());
   }
   ASSERT_TRUE(recorder.Close().ok());
   const std::string file = Files("recording-").at(0);

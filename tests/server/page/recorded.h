@@ -54,7 +54,10 @@ class RecordedServer {
     path.mutable_answer()->mutable_valid_for()->set_seconds(1);
     Take(news);
   }
-  void Take(const v1::WatchScenesResponse& news) { recorder.Take(news, test.clock.now()); }
+  void Take(const v1::WatchScenesResponse& news) {
+    const absl::Time now = test.clock.now();
+    recorder.Take(news, {.wall = now, .running = now - absl::UnixEpoch()});
+  }
   // Milliseconds since 1970.
   int64_t now() { return absl::ToUnixMillis(test.clock.now()); }
   nlohmann::json Live() { return PageSnapshot(test.server->serving(), {}); }

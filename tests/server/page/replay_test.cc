@@ -101,7 +101,7 @@ TEST(Replay, WithoutARecordedStateNothingIsFree) {
   cell.Scene(SceneWithBlock(2), [&](v1::Scene& scene) {
     v1::WatchScenesResponse news;
     *news.mutable_scene() = scene;
-    without.Take(news, cell.test.clock.now());
+    without.Take(news, {.wall = cell.test.clock.now(), .running = {}});
   });
   ASSERT_TRUE(without.Close().ok());
   const auto replay = Replay::Open(without.path(), cell.test.server->database(), ServingSettings());

@@ -369,7 +369,7 @@ TEST_F(ServerProgramTest, ReplayOpensThePageAndNothingElse) {
   Recorder recorder({.folder = folder}, recorded);
   v1::WatchScenesResponse news;
   news.mutable_state();
-  recorder.Take(news, absl::Now());
+  recorder.Take(news, {.wall = absl::Now(), .running = {}});
   ASSERT_TRUE(recorder.Close().ok());
   const std::vector<std::string> replay = {"--cell", cell,       "--database",
                                            database, "--replay", recorder.path()};
