@@ -65,6 +65,30 @@ TEST_F(CellExperimentProgram, CapturesMeasuresExplainsAndDraws) {
   EXPECT_EQ(Run(options).out, first.out) << "the same seed, the same answer";
 }
 
+TEST_F(CellExperimentProgram, LeaveCountsTheStepsAwayFromAPersonAndSoundMissesNothing) {
+  const Outcome outcome =
+      Run("--leave 6 --presets uncalibrated,sound --least-obstacle 0.2 --format json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto rows = nlohmann::json::parse(outcome.out);
+  ASSERT_EQ(rows.size(), 6u) << "three distances, each under two presets";
+  int scenes = 0;
+  for (const auto& row : rows) {
+    scenes += row["scenes"].get<int>();
+    EXPECT_LT(row["nearest_m"], row["farthest_m"]);
+    EXPECT_GT(row["occupied"], 0);
+    EXPECT_LE(row["occupied"], row["tested"]);
+    EXPECT_GT(row["steps"], 0);
+    EXPECT_LE(row["free_steps"], row["steps"]);
+    EXPECT_LE(row["wrong_steps"], row["touching_steps"]);
+    EXPECT_LE(row["locked"], row["scenes"]);
+    EXPECT_LE(row["stays"], row["scenes"]);
+    if (row["preset"] != "sound") continue;
+    EXPECT_EQ(row["missing"], 0);
+    EXPECT_EQ(row["wrong_steps"], 0);
+  }
+  EXPECT_EQ(scenes, 12);
+}
+
 TEST_F(CellExperimentProgram, MoreViewsThatMustShowAnObstacleBlockLessAndMissMore) {
   const std::string options = "--scenes 2 --hidden 0 --off-grid 0 --pictures 0 --format json ";
   const Outcome outcome =
