@@ -227,6 +227,12 @@ std::vector<std::string> Doubts(const Cell& cell) {
         "0.3 to 0.5 m thick, and between grid values they may be in no robot image; state more "
         "steps, or 'max_move: 0.1' in their place",
         cell.grid_move));
+  } else if (!cell.robot.drawn && cell.sound && cell.grid_move > cell.sound->least_obstacle) {
+    doubts.push_back(absl::StrFormat(
+        "grid: the robot moves by up to %.3f m from one grid value to the next, more than sound: "
+        "least_obstacle, %.3f m: an obstacle between grid values may be in no robot image and is "
+        "then missed; lower max_move or add steps, and capture again what was captured",
+        cell.grid_move, cell.sound->least_obstacle));
   }
   return doubts;
 }

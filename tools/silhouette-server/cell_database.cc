@@ -299,13 +299,6 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
         "if the URDF has closed collision meshes",
         LinksNamed(sound.open_links()));
   }
-  if (!cell.robot.drawn && cell.grid_move > least) {
-    spdlog::warn(
-        "a step of the grid moves the robot by up to {:.3f} m, more than least_obstacle, {:.3f} m: "
-        "an obstacle between grid points may be in no robot image and is then missed; lower "
-        "'grid: max_move' or add steps, and capture again",
-        cell.grid_move, least);
-  }
   if (cell.robot.drawn) {
     if (const absl::Status holds = WorkspaceHoldsRobot(cell); !holds.ok()) {
       spdlog::warn("{}", std::string(holds.message()));

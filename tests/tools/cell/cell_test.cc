@@ -142,11 +142,25 @@ TEST(Cell, LongTimesAndWideStepsAreDoubted) {
   EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", ""))), ElementsAre());
   const std::string sound =
       "workspace: {lower: [-1.8, -1.8, 0], upper: [1.8, 1.8, 2.4]}\nsound: {least_obstacle: ";
-  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", sound + "0.25}\n"))), ElementsAre());
-  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.5", sound + "0.3}\n"))),
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.2", sound + "0.25}\n"))), ElementsAre());
+  EXPECT_THAT(Doubts(*Load(TwoJoints("", "max_move: 0.2", sound + "0.3}\n"))),
               ElementsAre(HasSubstr("least_obstacle: 0.3 m is a radius")));
   EXPECT_THAT(Doubts(*Load(TwoJoints("", "steps: {joint_1: 8, joint_3: 8}", ""))),
               ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
+}
+
+TEST(Cell, StepsWiderThanTheLeastObstacleAreDoubtedWhereRobotImagesAreCaptured) {
+  const auto doubts = [](const std::string& images, const std::string& least) {
+    return Doubts(*Load(TwoJoints(images, "max_move: 0.2",
+                                  "workspace: {lower: [-1.8, -1.8, 0], upper: [1.8, 1.8, 2.4]}\n"
+                                  "sound: {least_obstacle: " +
+                                      least + "}\n")));
+  };
+  EXPECT_THAT(doubts("", "0.1"),
+              ElementsAre(AllOf(HasSubstr("more than sound: least_obstacle, 0.100 m: an obstacle"),
+                                HasSubstr("lower max_move or add steps"))));
+  EXPECT_THAT(doubts("", "0.25"), ElementsAre());
+  EXPECT_THAT(doubts("  images: drawn\n", "0.1"), ElementsAre());
 }
 
 TEST(Cell, WideStepsOfADrawnRobotAreNotDoubted) {

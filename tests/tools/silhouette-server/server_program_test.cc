@@ -102,7 +102,7 @@ TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets)
 }
 
 TEST_F(ServerProgramTest, StepsOfTheGridAreWarnedOfWhereRobotImagesAreCapturedAndNotDrawn) {
-  const std::string steps = "a step of the grid moves the robot";
+  const std::string steps = "the robot moves by up to ";
   for (const std::string images : {"captured", "drawn"}) {
     std::filesystem::remove_all(folder / "with-cameras");
     GiveModelAndCameras("  images: " + images + "\n",
