@@ -201,6 +201,13 @@ std::string CellText(const InitOptions& options, const RobotModel& robot,
                     "  # Half of it makes twice as many values per joint.\n"
                     "  max_move: 0.1\n\n");
   }
+  const int width = options.image_size[0];
+  const int height = options.image_size[1];
+  // Of the shape of the image.
+  const auto mask_side = [longest = std::max(width, height)](int side) {
+    constexpr int kLongest = 128;
+    return std::max(1, longest <= kLongest ? side : side * kLongest / longest);
+  };
   absl::StrAppend(&text, "# The stationary cameras (docs/capture.md, \"Cameras\").\nviews:\n");
   for (const auto& [name, source] : sources) {
     absl::StrAppendFormat(
@@ -209,9 +216,14 @@ std::string CellText(const InitOptions& options, const RobotModel& robot,
         "    source: %s\n"
         "    # Width and height of the camera's images, and of the masks, in pixels.\n"
         "    image_size: [%d, %d]\n"
-        "    mask_size: [64, 64]\n",
-        YamlText(name), source, options.image_size[0], options.image_size[1]);
+        "    mask_size: [%d, %d]\n",
+        YamlText(name), source, width, height, mask_side(width), mask_side(height));
   }
+  absl::StrAppend(
+      &text,
+      "\n# With a calibration, this section lets the sound presets find obstacles of this radius, "
+      "in\n# metres, that the robot hides (docs/verdict-quality.md).\n"
+      "# sound: {least_obstacle: 0.15}\n");
   return text;
 }
 

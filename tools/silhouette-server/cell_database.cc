@@ -314,6 +314,15 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
   }
 }
 
+// Of a cell that does not.
+void LogWithoutSound(const ServedDatabase& database, const Cell& cell) {
+  const Calibration* calibration = database.calibration();
+  if (calibration == nullptr || calibration->cameras.empty() || !cell.robot.model) return;
+  spdlog::info(
+      "the sound presets, which would find what the robot hides, are not served: add 'sound: "
+      "{least_obstacle: 0.15}' to the cell file, the radius of the least obstacle in metres");
+}
+
 // Of a cell that states the section 'separation'.
 void LogSeparation(const ServedDatabase& database, const Cell& cell) {
   const SeparationBasis* basis = database.separation().get();
@@ -385,7 +394,11 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   }
   LogRobotImages(**served, path, load);
   if (load.drawn) LogDrawn(**served, cell, *load.drawn);
-  if (sound) LogSound(**served, cell);
+  if (sound) {
+    LogSound(**served, cell);
+  } else {
+    LogWithoutSound(**served, cell);
+  }
   if (cell.separation) LogSeparation(**served, cell);
   Policy policy = cell.policy;
   if (cell.choose_preset) policy.preset = (*served)->BestPreset();

@@ -59,6 +59,29 @@ TEST_F(NewCell, ItsFileIsWrittenLoadedAndChecked) {
                                  "disk", "forbidden regions"));
 }
 
+TEST_F(NewCell, ItsMasksHaveTheShapeOfTheImagesAndTheSectionSoundIsThereAsAComment) {
+  const auto init = [&](const std::string& width, const std::string& height) {
+    std::filesystem::remove(cell_.cell());
+    EXPECT_EQ(
+        Init({"--joint", "joint_1", "--view", "top=/dev/video0", "--image-size", width, height})
+            .exit_code,
+        0);
+    return LoadCell(cell_.cell())->views[0].mask_size;
+  };
+  EXPECT_EQ(init("100", "80"), (MaskSize{100, 80}));
+  EXPECT_EQ(init("1080", "1920"), (MaskSize{72, 128}));
+  EXPECT_EQ(init("640", "480"), (MaskSize{128, 96}));
+  EXPECT_FALSE(LoadCell(cell_.cell())->sound.has_value());
+  std::string text = ReadText(cell_.cell());
+  const size_t comment = text.find("# sound: {");
+  ASSERT_NE(comment, std::string::npos) << text;
+  WriteText(cell_.cell(), text.erase(comment, 2));
+  const auto cell = LoadCell(cell_.cell());
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_EQ(cell->sound->least_obstacle, 0.15);
+  EXPECT_TRUE(SoundCellOf(*cell).ok());
+}
+
 TEST_F(NewCell, ManyJointsAreDrawn) {
   const Outcome made = Init({"--view", "top=/dev/video0", "--view", "front=rtsp://127.0.0.1/x"});
   ASSERT_EQ(made.exit_code, 0) << made.err;

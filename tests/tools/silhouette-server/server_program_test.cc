@@ -101,6 +101,22 @@ TEST_F(ServerProgramTest, NamesTheLinksWhoseMeshesAreNotClosedToTheSoundPresets)
                                           "may be inside, so that the sound presets may block"));
 }
 
+TEST_F(ServerProgramTest, SaysWhatTheSoundPresetsLackWhereCamerasAndModelAreThere) {
+  const auto said = [&] {
+    ServerProgram program(folder,
+                          {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+    EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+    return program.Errors().find("add 'sound: {least_obstacle: 0.15}' to the cell file") !=
+           std::string::npos;
+  };
+  EXPECT_FALSE(said()) << "no model, no cameras";
+  GiveModelAndCameras("", "");
+  EXPECT_TRUE(said());
+  std::filesystem::remove_all(database);
+  GiveModelAndCameras("", "sound: {least_obstacle: 0.5, voxel_edge: 0.4}\n");
+  EXPECT_FALSE(said());
+}
+
 TEST_F(ServerProgramTest, StepsOfTheGridAreWarnedOfWhereRobotImagesAreCapturedAndNotDrawn) {
   const std::string steps = "the robot moves by up to ";
   for (const std::string images : {"captured", "drawn"}) {
