@@ -70,8 +70,10 @@ std::string NextCommand(const CellArguments& arguments, const CellFile& file) {
   return arguments.Command(file.cell.robot.drawn ? "verify-model" : "run");
 }
 
+// `not_looked_for`: what may be in the images unnoticed; empty: nothing.
 std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
-                          uint64_t robot_images, const std::vector<Reference>& references) {
+                          uint64_t robot_images, const std::vector<Reference>& references,
+                          const std::string& not_looked_for) {
   std::string text = absl::StrFormat("reference images in %s: %d per view\n", file.database,
                                      file.cell.capture.reference_images);
   text += "view                  image       noise, grey levels\n";
@@ -86,14 +88,21 @@ std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
                           "the %d existing records were made with the previous reference images\n",
                           robot_images);
   }
+  if (!not_looked_for.empty()) {
+    absl::StrAppend(&text, "not looked for: ", not_looked_for,
+                    "; make sure that no view shows them, as they would be part of the empty "
+                    "cell\n");
+  }
   return absl::StrCat(text, "next: ", NextCommand(arguments, file), "\n");
 }
 
 nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellFile& file,
-                                     const std::vector<Reference>& references) {
+                                     const std::vector<Reference>& references,
+                                     const std::string& not_looked_for) {
   nlohmann::ordered_json json = {{"database", file.database},
                                  {"images", file.cell.capture.reference_images},
                                  {"views", nlohmann::ordered_json::array()},
+                                 {"not_looked_for", not_looked_for},
                                  {"next", NextCommand(arguments, file)}};
   for (size_t v = 0; v < references.size(); ++v) {
     const Reference::Figures figures = references[v].Describe();
@@ -161,6 +170,12 @@ absl::StatusOr<ExitCode> RefuseRobot(const CellArguments& arguments, const CellF
   return kNo;
 }
 
+// What may stand in reference images unnoticed. `robot`: why it, too; empty: it does not.
+std::string NotLookedFor(const std::string& robot) {
+  return absl::StrCat("people and things that stand still",
+                      robot.empty() ? "" : absl::StrCat(", and the robot (", robot, ")"));
+}
+
 struct ReferenceArguments {
   CellArguments cell;
   bool with_robot = false;
@@ -208,15 +223,17 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   }
   if (!taken.ok()) return taken.status();
   if (!moved.empty() && !options.accept_motion) return RefuseMoved(arguments, file, moved);
+  RobotInReference robot{.views = {}, .not_looked_for = "--accept-robot"};
   if (!options.with_robot && !options.accept_robot) {
-    ASSIGN_OR_RETURN(const auto robot, FindRobot(file.cell, *database, *taken));
-    if (!robot.empty()) return RefuseRobot(arguments, file, robot);
+    ASSIGN_OR_RETURN(robot, FindRobot(file.cell, *database, *taken));
+    if (!robot.views.empty()) return RefuseRobot(arguments, file, robot.views);
   }
+  const std::string not_looked_for = options.with_robot ? "" : NotLookedFor(robot.not_looked_for);
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
-  PrintResult(arguments.format, ReferenceJson(arguments, file, references),
-              ReferenceText(arguments, file, snapshot.size(), references));
+  PrintResult(arguments.format, ReferenceJson(arguments, file, references, not_looked_for),
+              ReferenceText(arguments, file, snapshot.size(), references, not_looked_for));
   return kDone;
 }
 

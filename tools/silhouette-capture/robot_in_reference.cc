@@ -2,7 +2,6 @@
 #include "tools/silhouette-capture/robot_in_reference.h"
 
 #include <algorithm>
-#include <iostream>
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <variant>
@@ -24,8 +23,7 @@ bool Reports(const RobotDriver& driver) {
   if (const auto* manual = std::get_if<ManualRobotSettings>(&driver)) {
     return !std::holds_alternative<std::monostate>(manual->read);
   }
-  return !std::holds_alternative<std::monostate>(driver) &&
-         !std::holds_alternative<SimulatedRobotDriver>(driver);
+  return !std::holds_alternative<std::monostate>(driver);
 }
 
 // Where the robot says that it is, as CellRobot has it.
@@ -35,6 +33,16 @@ absl::StatusOr<std::vector<double>> ReportedJoints(const Cell& cell, const Datab
   return cell_robot.Measure();
 }
 
+// Why ExpectedRobotOf() has none.
+absl::StatusOr<std::string> WhyNotExpected(const Cell& cell, const Database& database) {
+  if (cell.robot.model == nullptr) return "the cell file names no urdf";
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto calibration, snapshot.Calibration());
+  return calibration && !calibration->cameras().empty()
+             ? "its model cannot be drawn"
+             : "the database has no calibration with camera models yet";
+}
+
 MaskSize SizeToLookIn(cv::Size image) {
   const int scale = std::max(1, (std::max(image.width, image.height) - 1) / kLongestSide + 1);
   return {image.width / scale, image.height / scale};
@@ -42,19 +50,25 @@ MaskSize SizeToLookIn(cv::Size image) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<MovedInView>> FindRobot(const Cell& cell, const Database& database,
-                                                   const storage::v1::References& taken) {
-  std::vector<MovedInView> found;
-  if (!Reports(cell.robot.driver)) return found;
+absl::StatusOr<RobotInReference> FindRobot(const Cell& cell, const Database& database,
+                                           const storage::v1::References& taken) {
+  RobotInReference found;
+  if (std::holds_alternative<SimulatedRobotDriver>(cell.robot.driver)) return found;
   ASSIGN_OR_RETURN(const auto references, ReferencesIn(taken, database.cell()));
   std::vector<MaskSize> sizes;
   for (const Reference& reference : references) sizes.push_back(SizeToLookIn(reference.size()));
   ASSIGN_OR_RETURN(const auto robot, ExpectedRobotOf(cell, database, sizes, kWhetherRobotIsThere));
-  if (!robot) return found;
+  if (!robot) {
+    ASSIGN_OR_RETURN(found.not_looked_for, WhyNotExpected(cell, database));
+    return found;
+  }
+  if (!Reports(cell.robot.driver)) {
+    found.not_looked_for = "it does not report its joint values";
+    return found;
+  }
   const auto joints = ReportedJoints(cell, database);
   if (!joints.ok()) {
-    std::cerr << kWhetherRobotIsThere << " is not checked: " << joints.status().message()
-              << std::endl;
+    found.not_looked_for = std::string(joints.status().message());
     return found;
   }
   const std::vector<Mask> masks = robot->Touched(*joints);
@@ -65,7 +79,7 @@ absl::StatusOr<std::vector<MovedInView>> FindRobot(const Cell& cell, const Datab
     if (!outline || !outline->Seen()) continue;
     cv::Mat marked;
     cv::resize(OutlineOf(masks[view]), marked, image.size(), 0, 0, cv::INTER_NEAREST);
-    found.push_back({view, image, marked});
+    found.views.push_back({view, image, marked});
   }
   return found;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -12,11 +13,16 @@
 
 namespace silhouette {
 
-// The views whose reference image shows the robot where the joint values that it reports have it:
-// `moved` is its outline. Empty, and a line on stderr if that is worth one, if it is not known
-// where the robot would be: without its model, camera models or joint values. A simulated robot is
-// taken out of the cell. Errors are those of `taken` and the database.
-absl::StatusOr<std::vector<MovedInView>> FindRobot(const Cell& cell, const Database& database,
-                                                   const storage::v1::References& taken);
+struct RobotInReference {
+  // Whose reference image shows the robot where the joint values that it reports have it: `moved`
+  // is its outline.
+  std::vector<MovedInView> views;
+  // Why it was not looked for: its model, camera models or joint values are missing; else empty.
+  std::string not_looked_for;
+};
+
+// A simulated robot is taken out of the cell. Errors are those of `taken` and the database.
+absl::StatusOr<RobotInReference> FindRobot(const Cell& cell, const Database& database,
+                                           const storage::v1::References& taken);
 
 }  // namespace silhouette

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "absl/strings/str_split.h"
 #include "tests/capture/drivers/own_network.h"
 #include "tests/capture/drivers/served_process.h"
 #include "tests/capture/session/program_cell.h"
@@ -110,7 +111,9 @@ TEST_F(ServedSession, ReferenceIsRefusedWhileTheRobotStandsInAView) {
   {
     const Served empty(cell_.cell(),
                        {"--cameras", "gige", "--robot", "simple_message", "--without-robot"});
-    EXPECT_EQ(cell_.Run(cell_.Arguments("reference")).exit_code, 0);
+    const Outcome looked = cell_.Run(cell_.Arguments("reference"));
+    EXPECT_EQ(looked.exit_code, 0);
+    EXPECT_THAT(looked.out, HasSubstr("not looked for: people and things that stand still; make"));
   }
   const Served served(cell_.cell(), {"--cameras", "gige", "--robot", "simple_message"});
   const Outcome refused = cell_.Run(cell_.Arguments("reference"));
@@ -119,6 +122,22 @@ TEST_F(ServedSession, ReferenceIsRefusedWhileTheRobotStandsInAView) {
                                  HasSubstr("no reference images were stored")));
   EXPECT_TRUE(std::filesystem::exists(cell_.database() + ".robot.png"));
   EXPECT_EQ(cell_.Run(cell_.Arguments("reference", {"--accept-robot"})).exit_code, 0);
+}
+
+TEST_F(ServedSession, ReferenceOfAFirstSessionSaysThatTheRobotIsNotLookedFor) {
+  const std::string driver =
+      "driver: {simple_message: {host: 127.0.0.1, byte_order: little, joints: [joint_1, joint_2, "
+      "joint_3, joint_4, joint_5, joint_6]}}";
+  WriteCell({{"driver: sim", driver}});
+  const Served served(cell_.cell(), {"--cameras", "gige", "--robot", "simple_message"});
+  const Outcome taken = cell_.Run(cell_.Arguments("reference"));
+  EXPECT_EQ(taken.exit_code, 0) << taken.err;
+  const std::vector<std::string> lines = absl::StrSplit(taken.out, '\n', absl::SkipEmpty());
+  ASSERT_GE(lines.size(), 2u);
+  EXPECT_THAT(
+      lines[lines.size() - 2],
+      AllOf(HasSubstr("not looked for: people and things that stand still, and the robot "
+                      "(the database has no calibration with camera models yet); make sure")));
 }
 
 TEST_F(ServedSession, EndsSafelyWhenTheCamerasGoAwayAndGoesOnWhenTheyAreBack) {
