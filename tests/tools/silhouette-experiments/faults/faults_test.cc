@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two minutes of the demo's cell.
+// Four minutes of the demo's cell.
 #include "tools/silhouette-experiments/faults/faults.h"
 #include "tests/folders.h"
 
@@ -12,18 +12,20 @@ TEST(Faults, EveryFaultIsFoundAndPeopleAreNone) {
   const auto demo = cell_experiment::SimulatedWorkplace::Load(SourceFolder() +
                                                               "/capture/sim/cells/demo/cell.yaml");
   ASSERT_TRUE(demo.ok()) << demo.status();
-  const WatchSettings settings{.minutes = 2, .interval = 2, .fault_every = 15};
+  const WatchSettings settings{.minutes = 4, .interval = 1, .fault_every = 15};
   const WatchResult result = Watch(
       *demo, settings, [] { return false; }, [](int) {});
-  EXPECT_EQ(result.scenes, 60);
+  EXPECT_EQ(result.scenes, 240);
   EXPECT_EQ(result.none.found, 0);
   for (const FaultRow& fault : result.faults) {
     EXPECT_GT(fault.tried, 0) << fault.name;
     // Where the arm is folded it moves by hardly a pixel of the mask; there may be people where it
-    // moves to, and in a loop they change the image.
-    const bool in_part = fault.name.starts_with("robot 8 degrees") ||
-                         fault.name.ends_with("until the robot stands again");
-    EXPECT_GE(fault.found, in_part ? fault.tried / 3 : fault.tried) << fault.name;
+    // moves to, and in a loop they change the image. docs/live.md has the shares of four hours.
+    double least = 1;
+    if (fault.name.starts_with("robot 8 degrees")) least = 0.85;
+    if (fault.name.starts_with("still image with noise")) least = 0.85;
+    if (fault.name.starts_with("loop with people")) least = 0.45;
+    EXPECT_GE(fault.found, least * fault.tried) << fault.name << ", tried " << fault.tried;
   }
 }
 
