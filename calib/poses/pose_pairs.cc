@@ -309,6 +309,26 @@ const Reading* OtherReading(const std::vector<PosePair>& pairs, const PoseView& 
   return nullptr;
 }
 
+// In metres: of what is on the flange from it, and of what stands from the robot's base.
+struct Distances {
+  double carried;
+  double standing;
+
+  Distances(const PoseView& view, const PairSolution& solution) {
+    carried = solution.board_pose.translation().norm();
+    standing = solution.camera_pose.translation().norm();
+    if (view.on_flange) std::swap(carried, standing);
+  }
+  absl::Status Refusal(const PoseView& view) const {
+    return FailedPrecondition(absl::StrFormat(
+        "has pairs of poses by which the %s is %.1f m from the flange and the %s only %.1f m from "
+        "the robot's base; it looks as if poses were inverted, or the camera %s",
+        view.on_flange ? "camera" : "board", carried, view.on_flange ? "board" : "camera", standing,
+        view.on_flange ? "stood still (without --eye-in-hand)"
+                       : "were on the flange (--eye-in-hand)"));
+  }
+};
+
 // Whether the camera can have seen what it is said to have seen.
 absl::Status CheckPlaces(const std::vector<PosePair>& pairs, const PoseView& view,
                          const PairSolution& solution) {
@@ -322,15 +342,9 @@ absl::Status CheckPlaces(const std::vector<PosePair>& pairs, const PoseView& vie
               : std::string("board poses are camera_from_board, z along the view, x to the right, "
                             "y down; see whether they and the lens are right"));
   }
-  const double camera = solution.camera_pose.translation().norm();
-  const double board = solution.board_pose.translation().norm();
-  const double carried = view.on_flange ? camera : board;
-  const double standing = view.on_flange ? board : camera;
-  if (carried < kFarFromFlange || carried < kMuchFarther * standing) return absl::OkStatus();
-  return FailedPrecondition(absl::StrFormat(
-      "has pairs of poses by which the %s is %.1f m from the flange and the %s only %.1f m from "
-      "the robot's base; it looks as if poses were inverted",
-      view.on_flange ? "camera" : "board", carried, view.on_flange ? "board" : "camera", standing));
+  const Distances d(view, solution);
+  if (d.carried < kFarFromFlange || d.carried < kMuchFarther * d.standing) return absl::OkStatus();
+  return d.Refusal(view);
 }
 
 // The solution with the size that counts, or why there is none.
@@ -368,12 +382,12 @@ absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& state
 
 }  // namespace
 
-absl::StatusOr<std::vector<PosePair>> PosePairsFromText(const std::string& text,
-                                                        const std::string& file) {
+absl::StatusOr<PairFile> PosePairsFromText(const std::string& text, const std::string& file) {
   try {
     const YamlNode root = YamlNode::FromText(text, file);
-    std::vector<PosePair> pairs;
     const bool moveit = root.IsSequence();
+    PairFile read{.pairs = {}, .easy_handeye = !moveit};
+    std::vector<PosePair>& pairs = read.pairs;
     const YamlNode samples = moveit ? root : YamlMap(root).Required("samples");
     for (const YamlNode& sample : samples.Items()) {
       YamlMap map(sample);
@@ -386,7 +400,7 @@ absl::StatusOr<std::vector<PosePair>> PosePairsFromText(const std::string& text,
       }
       map.Finish();
     }
-    return pairs;
+    return read;
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());
   }
@@ -436,6 +450,37 @@ absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> given, con
     solution.residuals.push_back(merged[places[i]]);
   }
   return solution;
+}
+
+namespace {
+
+// easy_handeye's pairs of a camera on the flange, and of one that stands, fit the other one as
+// well.
+absl::Status CheckMount(const PoseView& view, const PairSolution& solution) {
+  const Distances d(view, solution);
+  return d.carried <= d.standing ? absl::OkStatus() : d.Refusal(view);
+}
+
+}  // namespace
+
+absl::StatusOr<PairSolution> SolvePairFile(const PairFile& file, const PoseView& view,
+                                           SizeTrust trust) {
+  if (!file.easy_handeye) return SolvePosePairs(file.pairs, view, trust);
+  std::vector<PosePair> inverted = file.pairs;
+  for (PosePair& pair : inverted) pair.base_from_flange = pair.base_from_flange.inverse();
+  absl::StatusOr<PairSolution> solution =
+      SolvePosePairs(view.on_flange ? file.pairs : inverted, view, trust);
+  if (solution.ok()) {
+    RETURN_IF_ERROR(CheckMount(view, *solution));
+    return solution;
+  }
+  absl::StatusOr<PairSolution> other =
+      SolvePosePairs(view.on_flange ? inverted : file.pairs, view, trust);
+  if (!other.ok()) return solution;
+  absl::StrAppend(&other->warning, other->warning.empty() ? "" : "; it ",
+                  "has robot poses that are the inverse of those that easy_handeye stores of such "
+                  "a camera; they are taken as they fit");
+  return other;
 }
 
 }  // namespace silhouette

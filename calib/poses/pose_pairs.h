@@ -24,11 +24,16 @@ struct PosePair {
   Eigen::Isometry3d camera_from_board = Eigen::Isometry3d::Identity();
 };
 
+struct PairFile {
+  std::vector<PosePair> pairs;  // base_from_flange as the file has it
+  // easy_handeye's, which has flange_from_base in its place where the camera stands still.
+  bool easy_handeye = false;
+};
+
 // MoveIt's samples, a list of effector_wrt_world and object_wrt_sensor (4x4, row by row), or
 // easy_handeye's, `samples`: a list of robot and tracking. `file`: what messages call it.
 // InvalidArgument with file and line: neither of these, values that are no pose, or millimetres.
-absl::StatusOr<std::vector<PosePair>> PosePairsFromText(const std::string& text,
-                                                        const std::string& file);
+absl::StatusOr<PairFile> PosePairsFromText(const std::string& text, const std::string& file);
 
 struct PairResidual {
   double position = 0;  // metres
@@ -56,5 +61,11 @@ struct PairSolution {
 // not show, or boards of another size; with what would explain them.
 absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, const PoseView& view,
                                             SizeTrust trust = SizeTrust::kNeither);
+
+// The same of a file. Robot poses that only fit inverted are taken so, with a warning.
+// FailedPrecondition, too: of easy_handeye, what is on the flange is farther from it than what
+// stands is from the base, as if the camera were at the other end of the robot.
+absl::StatusOr<PairSolution> SolvePairFile(const PairFile& file, const PoseView& view,
+                                           SizeTrust trust = SizeTrust::kNeither);
 
 }  // namespace silhouette

@@ -35,7 +35,7 @@ struct PosesArguments {
 
 struct ViewPairs {
   std::string view;
-  std::vector<PosePair> pairs;
+  PairFile file;
 };
 
 absl::StatusOr<std::vector<ViewPairs>> ReadPairs(const PosesArguments& arguments,
@@ -52,7 +52,7 @@ absl::StatusOr<std::vector<ViewPairs>> ReadPairs(const PosesArguments& arguments
     }
     const std::string file = argument.substr(equals + 1);
     ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-    ASSIGN_OR_RETURN(auto pairs, PosePairsFromText(text, file));
+    ASSIGN_OR_RETURN(PairFile pairs, PosePairsFromText(text, file));
     all.push_back({view, std::move(pairs)});
   }
   return all;
@@ -65,14 +65,15 @@ void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
                     .on_flange = on_flange,
                     .camera_pose = solved.camera_pose,
                     .covariance = solved.covariance};
+  const std::vector<PosePair>& pairs = view.file.pairs;
   double squares = 0;
   int outliers = 0;
-  for (size_t i = 0; i < view.pairs.size(); ++i) {
+  for (size_t i = 0; i < pairs.size(); ++i) {
     const PairResidual& residual = solved.residuals[i];
     const Eigen::Vector3d board =
-        solved.camera_pose.inverse() * view.pairs[i].camera_from_board.translation();
+        solved.camera_pose.inverse() * pairs[i].camera_from_board.translation();
     const double sigma = PointSigma(solved.covariance, board);
-    squares += sigma * sigma / static_cast<double>(view.pairs.size());
+    squares += sigma * sigma / static_cast<double>(pairs.size());
     result.workspace_sigma_worst = std::max(result.workspace_sigma_worst, sigma);
     outliers += residual.outlier ? 1 : 0;
     solution.frames.push_back({.name = absl::StrCat(view.view, " pair ", i + 1),
@@ -87,7 +88,7 @@ void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
       "%.2f "
       "mm and %.3f deg (1 sigma per axis); without corners nothing is known of errors of the lens "
       "that all pairs share",
-      view.view, view.pairs.size(), outliers, solved.robot_poses, 1000 * solved.position_sigma,
+      view.view, pairs.size(), outliers, solved.robot_poses, 1000 * solved.position_sigma,
       solved.rotation_sigma / kDegree));
   if (!solved.warning.empty()) {
     solution.warnings.push_back(absl::StrCat("view '", view.view, "' ", solved.warning));
@@ -106,7 +107,7 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
   solution.chi2_per_dof = 1;
   for (const ViewPairs& view : views) {
     const PoseView& known = *std::ranges::find(problem.views, view.view, &PoseView::name);
-    const auto solved = SolvePosePairs(view.pairs, known, sources.size_trust);
+    const auto solved = SolvePairFile(view.file, known, sources.size_trust);
     if (absl::IsFailedPrecondition(solved.status())) {
       std::cerr << "silhouette-calibrate: view '" << view.view << "' " << solved.status().message()
                 << "\nnothing was written" << std::endl;

@@ -69,6 +69,11 @@ class Pairs {
   std::normal_distribution<double> normal_;
 };
 
+std::vector<PosePair> RobotInverted(std::vector<PosePair> pairs) {
+  for (PosePair& pair : pairs) pair.base_from_flange = pair.base_from_flange.inverse();
+  return pairs;
+}
+
 std::string RefusalOfPairs(const std::vector<PosePair>& pairs, bool on_flange) {
   return std::string(SolvePosePairs(pairs, ViewOf(on_flange)).status().message());
 }
@@ -198,11 +203,12 @@ TEST(PosePairs, AreReadAsMoveItAndEasyHandeyeWriteThem) {
       "    - 0.2\n    - 0\n    - 0\n    - 1\n    - 0.3\n    - 0\n    - 0\n    - 0\n    - 1\n",
       "samples.yaml");
   ASSERT_TRUE(moveit.ok()) << moveit.status();
-  ASSERT_EQ(moveit->size(), 1u);
+  ASSERT_EQ(moveit->pairs.size(), 1u);
+  EXPECT_FALSE(moveit->easy_handeye);
+  const PosePair& pair = moveit->pairs.front();
+  EXPECT_TRUE(pair.base_from_flange.translation().isApprox(Eigen::Vector3d(0.4, 0.5, 0.6)));
   EXPECT_TRUE(
-      moveit->front().base_from_flange.translation().isApprox(Eigen::Vector3d(0.4, 0.5, 0.6)));
-  EXPECT_TRUE((moveit->front().camera_from_board * Eigen::Vector3d::UnitX())
-                  .isApprox(Eigen::Vector3d(0.1, 1.2, 0.3)));
+      (pair.camera_from_board * Eigen::Vector3d::UnitX()).isApprox(Eigen::Vector3d(0.1, 1.2, 0.3)));
   const auto easy = PosePairsFromText(
       "parameters:\n  name: ''\nsamples:\n"
       "- robot:\n    translation: {x: 0.4, y: 0.5, z: 0.6}\n"
@@ -211,9 +217,44 @@ TEST(PosePairs, AreReadAsMoveItAndEasyHandeyeWriteThem) {
       "    rotation: {x: 0.0, y: 0.0, z: 0.70710678, w: 0.70710678}\n",
       "demo.samples");
   ASSERT_TRUE(easy.ok()) << easy.status();
-  ASSERT_EQ(easy->size(), 1u);
-  EXPECT_TRUE(easy->front().base_from_flange.isApprox(moveit->front().base_from_flange, 1e-6));
-  EXPECT_TRUE(easy->front().camera_from_board.isApprox(moveit->front().camera_from_board, 1e-6));
+  ASSERT_EQ(easy->pairs.size(), 1u);
+  EXPECT_TRUE(easy->easy_handeye);
+  const PosePair& same = easy->pairs.front();
+  EXPECT_TRUE(same.base_from_flange.isApprox(pair.base_from_flange, 1e-6));
+  EXPECT_TRUE(same.camera_from_board.isApprox(pair.camera_from_board, 1e-6));
+}
+
+// Its robot poses are lookup_transform(base, effector) of a camera on the flange, and
+// lookup_transform(effector, base) of one that stands.
+TEST(PosePairs, OfEasyHandeyeAreTakenAsItStoresThemForEitherMount) {
+  for (const bool on_flange : {false, true}) {
+    const Pairs truth(7, 25, on_flange);
+    const std::vector<PosePair> inverted = RobotInverted(truth.pairs);
+    const auto distance = [&](const std::vector<PosePair>& pairs, std::string& warning) {
+      const auto solution =
+          SolvePairFile({.pairs = pairs, .easy_handeye = true}, ViewOf(on_flange));
+      EXPECT_TRUE(solution.ok()) << solution.status();
+      if (!solution.ok()) return 1.0;
+      warning = solution->warning;
+      return (truth.camera_pose.inverse() * solution->camera_pose).translation().norm();
+    };
+    std::string warning;
+    EXPECT_LT(distance(on_flange ? truth.pairs : inverted, warning), 0.005);
+    EXPECT_EQ(warning, "");
+    EXPECT_LT(distance(on_flange ? inverted : truth.pairs, warning), 0.005);
+    EXPECT_THAT(warning, HasSubstr("the inverse of those that easy_handeye stores"));
+    EXPECT_FALSE(SolvePairFile({.pairs = inverted}, ViewOf(on_flange)).ok()) << "MoveIt's";
+  }
+}
+
+TEST(PosePairs, OfEasyHandeyeAndTheOtherMountAreRefusedThoughTheyFit) {
+  for (const bool on_flange : {false, true}) {
+    const Pairs truth(7, 25, on_flange);
+    const PairFile file = {on_flange ? truth.pairs : RobotInverted(truth.pairs), true};
+    EXPECT_THAT(std::string(SolvePairFile(file, ViewOf(!on_flange)).status().message()),
+                HasSubstr(on_flange ? "were on the flange (--eye-in-hand)"
+                                    : "stood still (without --eye-in-hand)"));
+  }
 }
 
 TEST(PosePairs, OtherFilesAreRefusedWithLine) {
