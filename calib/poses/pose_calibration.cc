@@ -29,7 +29,7 @@ absl::Status Undetermined(const std::string& what) {
 }
 
 // Noise larger than stated is taken into account; contradictions are refused.
-absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
+absl::Status CheckNoise(const PoseFit& fit, const NoiseFactors& factors) {
   constexpr double kContradiction = 10;
   if (factors.survey > kContradiction) {
     return FailedPrecondition(absl::StrFormat(
@@ -38,8 +38,8 @@ absl::Status CheckNoise(const Bundle& bundle, const NoiseFactors& factors) {
         "whether origins and axes are those of the boards' description",
         factors.survey));
   }
-  if (factors.robot > kContradiction) {
-    const BundlePose& flange = bundle.flanges.front();  // enlarged already
+  if (factors.robot > kContradiction && !fit.size_explains) {
+    const BundlePose& flange = fit.bundle.flanges.front();  // enlarged already
     return FailedPrecondition(absl::StrFormat(
         "the robot's poses are off by %.0f times their sigma, about %.1f mm and %.2f deg; see "
         "whether the robot stood still and its model is right, or state how exact it is with "
@@ -117,7 +117,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
                               "--accept-doubts' finds the poses nevertheless");
   }
   const NoiseFactors factors = noise.Factors(statistics);
-  RETURN_IF_ERROR(CheckNoise(bundle, factors));
+  RETURN_IF_ERROR(CheckNoise(fit, factors));
   for (const auto* sentences : {&misfits.doubts, &misfits.warnings}) {
     fit.network.warnings.insert(fit.network.warnings.end(), sentences->begin(), sentences->end());
   }

@@ -177,12 +177,24 @@ std::optional<double> SizeByMotion(const PoseFit& fit) {
   return solution->size;
 }
 
-std::string SizeText(const BoardDescription& board, double size) {
-  const double side = board.kind == BoardKind::kTags ? board.tag_size : board.square;
-  return absl::StrFormat("%.4g mm, not %.4g mm", 1000 * side * size, 1000 * side);
+std::string SizeText(const BoardDescription& board, double size, double sigma) {
+  const bool tags = board.kind == BoardKind::kTags;
+  const double side = 1000 * (tags ? board.tag_size : board.square);
+  return absl::StrFormat("the %s of board '%s' measure %.4g mm (+- %.2g mm), not %.4g mm",
+                         tags ? "tags" : "squares", board.name, side * size, side * sigma, side);
 }
 
-absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, double median) {
+// With the sizes found: refused as CheckSizes does, unless they are too uncertain to tell.
+absl::Status CheckSizesOfView(PoseProblem alone) {
+  alone.size_trust = SizeTrust::kFound;
+  ASSIGN_OR_RETURN(PoseFit fit, FitWithExactRobot(alone));
+  for (BundlePose& flange : fit.bundle.flanges) flange.constant = alone.robot_exact;
+  if (!Adjust(fit.bundle, kRobust)) return absl::OkStatus();
+  return CheckSizes(SizeTrust::kNeither, fit);
+}
+
+absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, double median,
+                        bool& size_explains) {
   const PoseProblem alone = OfView(problem, view);
   const absl::StatusOr<PoseFit> fit = FitWithExactRobot(alone);
   // Alone it may fit, or not be connected: then the fault is not in what it saw.
@@ -200,20 +212,22 @@ absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, dou
       if (says == kInverted) says += OtherMount(problem, view);
     }
   }
-  const bool size_doubted = problem.size_trust == SizeTrust::kNeither;
+  const bool size_doubted = problem.size_trust != SizeTrust::kFound;
+  bool of_size = false;
   if (const std::optional<double> size =
           fit.ok() && size_doubted ? SizeByMotion(*fit) : std::nullopt) {
     const std::optional<double> guessed = MedianOfFit(Resized(alone, *size));
     if (guessed && (!least || *guessed < *least)) {
       least = guessed;
-      const int board = fit->network.board_poses[fit->network.looks.front().board_pose].board;
-      const BoardDescription& d = fit->network.boards[board].board.description();
-      says = absl::StrCat("the tags of board '", d.name, "' measure ", SizeText(d, *size),
-                          ", by the robot's motion; measure the print, or look whether the robot's "
-                          "positions are in metres");
+      of_size = true;
     }
   }
   if (!least || *least > alone_median / kFarBetter) return absl::OkStatus();
+  if (of_size) {
+    size_explains = true;
+    const bool stated = problem.size_trust == SizeTrust::kStated;
+    return stated ? absl::OkStatus() : CheckSizesOfView(alone);
+  }
   return FailedPrecondition(
       absl::StrFormat("view '%s': corners are off by %.2f px (median); it looks as if %s (then "
                       "%.2f px)",
@@ -222,7 +236,7 @@ absl::Status TryGuesses(const PoseProblem& problem, const std::string& view, dou
 
 }  // namespace
 
-absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
+absl::Status CheckFit(const PoseProblem& problem, PoseFit& fit) {
   const auto excess = [&](size_t view) { return fit.median_px[view] / fit.expected_px[view]; };
   std::vector<size_t> doubted;
   for (size_t i = 0; i < fit.network.views.size(); ++i) {
@@ -230,9 +244,11 @@ absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit) {
   }
   std::ranges::sort(doubted, std::greater(), excess);
   for (const size_t view : doubted) {
-    RETURN_IF_ERROR(TryGuesses(problem, problem.views[view].name, fit.median_px[view]));
+    RETURN_IF_ERROR(
+        TryGuesses(problem, problem.views[view].name, fit.median_px[view], fit.size_explains));
   }
-  if (doubted.empty() || excess(doubted.front()) < kRefused) return absl::OkStatus();
+  const bool refused = !doubted.empty() && excess(doubted.front()) >= kRefused;
+  if (!refused || fit.size_explains) return absl::OkStatus();
   const size_t worst = doubted.front();
   return FailedPrecondition(absl::StrFormat(
       "the data contradict each other: corners of view '%s' are off by %.2f px (median) where "
@@ -277,8 +293,7 @@ std::string TextOfSizes(const PoseFit& fit, const std::vector<OtherSize>& others
   double sigma = 0;
   for (const OtherSize& other : others) {
     const BoardDescription& d = fit.network.boards[other.board].board.description();
-    boards.push_back(absl::StrFormat("the tags of board '%s' measure %s (+- %.2g mm)", d.name,
-                                     SizeText(d, other.size), 1000 * d.tag_size * other.sigma));
+    boards.push_back(SizeText(d, other.size, other.sigma));
     least = std::min(least, other.size);
     most = std::max(most, other.size);
     sigma = std::max(sigma, other.sigma);
@@ -311,6 +326,7 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   std::string text = TextOfSizes(fit, others, std::ranges::max(ShiftsOf(fit, other)));
   const bool refused = std::ranges::any_of(
       others, [](const OtherSize& board) { return std::abs(board.size - 1) > kRefusedSize; });
+  fit.size_explains = trust == SizeTrust::kStated;
   if (trust == SizeTrust::kFound) {
     text += ", as they are here (--trust-size found)";
   } else if (refused && trust == SizeTrust::kNeither) {
@@ -318,6 +334,8 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   } else if (trust == SizeTrust::kNeither) {
     text += ", as they are here; --trust-size stated keeps the description's";
     fit.bundle = std::move(other);
+  } else {
+    text += ", not as they are here (--trust-size stated)";
   }
   fit.network.warnings.push_back(std::move(text));
   return absl::OkStatus();
@@ -328,8 +346,8 @@ absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit) {
   for (const OtherSize& board : OtherSizes(fit.bundle)) {
     if (std::abs(board.size - 1) <= kRefusedSize) continue;
     const BoardDescription& d = fit.network.boards[board.board].board.description();
-    return FailedPrecondition("by the motion of the robot or the survey the tags of board '",
-                              d.name, "' measure ", SizeText(d, board.size),
+    return FailedPrecondition("by the motion of the robot or the survey ",
+                              SizeText(d, board.size, board.sigma),
                               "; measure the print, and see whether the robot's positions are in "
                               "metres",
                               kMendOfSize);

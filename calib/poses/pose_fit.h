@@ -22,6 +22,8 @@ struct PoseFit {
   // Per view: the median length of a corner's residual, and what it should be by the sigmas stated.
   std::vector<double> median_px;
   std::vector<double> expected_px;
+  // Boards' sizes other than stated explain what does not fit.
+  bool size_explains = false;
 };
 
 // A corner of a look; its board's pose and size are to be set where they differ from the network's.
@@ -52,8 +54,8 @@ absl::Status CheckOutliers(const Bundle& bundle);
 // data fit far better with it.
 
 // FailedPrecondition, with the reason and the mend, if the fit is far from what the stated sigmas
-// explain and a guess explains it - or nothing does.
-absl::Status CheckFit(const PoseProblem& problem, const PoseFit& fit);
+// explain and a guess explains it - or nothing does. Of sizes, as CheckSizes.
+absl::Status CheckFit(const PoseProblem& problem, PoseFit& fit);
 
 // Compares the boards' sizes with what the robot's motion or the survey says of them, at the
 // minimum of the fit, which has the sizes found if that is what `trust` says. A size that is off is

@@ -85,7 +85,11 @@ TEST(PoseRefusals, AWrongTagSizeIsToldByTheRobotsMotion) {
     BoardDescription board = rig.problem.boards[0].board.description();
     board.tag_size = said;
     rig.problem.boards[0].board = Board(board);
-    EXPECT_THAT(Refusal(rig.problem), AllOf(HasSubstr("measure 1"), HasSubstr("mm, not"))) << said;
+    EXPECT_THAT(Refusal(rig.problem),
+                AllOf(HasSubstr("measure 120"), HasSubstr("mm (+- 0."), HasSubstr("mm), not 1"),
+                      HasSubstr("mm elsewhere"), HasSubstr("--trust-size found takes them so"),
+                      HasSubstr("--trust-size stated keeps")))
+        << said;
   }
 }
 
@@ -103,13 +107,17 @@ TEST(PoseRefusals, WhatCountsOfAWrongTagSizeCanBeStated) {
     EXPECT_NEAR(found->boards[0].size * said, 0.12, 1e-4);
     EXPECT_LT(PoseError(found->views[0].camera_pose, rig.camera_poses[0]).tail<3>().norm(), 3e-3);
   }
-  PoseRig rig = FlangeRig(7, 4, 18);
-  BoardDescription board = rig.problem.boards[0].board.description();
-  board.tag_size = 0.118;
-  rig.problem.boards[0].board = Board(board);
-  EXPECT_THAT(Refusal(rig.problem), HasSubstr("--trust-size"));
-  rig.problem.size_trust = SizeTrust::kStated;
-  EXPECT_THAT(Warnings(rig.problem), Contains(HasSubstr("mm elsewhere")));
+  for (const double said : {0.108, 0.1164, 0.118, 0.132}) {
+    PoseRig rig = FlangeRig(7, 4, 18);
+    BoardDescription board = rig.problem.boards[0].board.description();
+    board.tag_size = said;
+    rig.problem.boards[0].board = Board(board);
+    rig.problem.size_trust = SizeTrust::kStated;
+    EXPECT_THAT(Warnings(rig.problem),
+                Contains(AllOf(HasSubstr("measure 12"), HasSubstr(" mm (+- "),
+                               HasSubstr("mm elsewhere, not as they are"))))
+        << said << Refusal(rig.problem);
+  }
 }
 
 TEST(PoseRefusals, ATagThatIsALittleLargerIsMentionedAndItsSizeFound) {
@@ -117,7 +125,8 @@ TEST(PoseRefusals, ATagThatIsALittleLargerIsMentionedAndItsSizeFound) {
   BoardDescription board = rig.problem.boards[0].board.description();
   board.tag_size *= 0.995;
   rig.problem.boards[0].board = Board(board);
-  EXPECT_THAT(Warnings(rig.problem), Contains(HasSubstr("measure 120 mm, not 119.4 mm")));
+  EXPECT_THAT(Warnings(rig.problem),
+              Contains(AllOf(HasSubstr("measure 120 mm (+- 0."), HasSubstr("mm), not 119.4 mm"))));
   const absl::StatusOr<PoseSolution> found = CalibratePoses(rig.problem);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_NEAR(found->boards[0].size * 0.995, 1, 1e-3);
@@ -201,13 +210,30 @@ TEST(PoseRefusals, SizesOfTheLastSolveAreHeldToTheSameLimit) {
     fit->bundle.size_sigmas[0] = sigma;
     return std::string(CheckFinalSizes(trust, *fit).message());
   };
-  EXPECT_THAT(refusal(1.02, 1e-4, SizeTrust::kNeither),
-              AllOf(HasSubstr("measure 122.4 mm, not 120 mm"), HasSubstr("--trust-size")));
+  EXPECT_THAT(
+      refusal(1.02, 1e-4, SizeTrust::kNeither),
+      AllOf(HasSubstr("measure 122.4 mm (+- 0.012 mm), not 120 mm"), HasSubstr("--trust-size")));
   EXPECT_THAT(refusal(0.98, 1e-4, SizeTrust::kNeither), HasSubstr("measure 117.6 mm"));
   EXPECT_EQ(refusal(1.009, 1e-4, SizeTrust::kNeither), "");
   EXPECT_EQ(refusal(1.02, 0.01, SizeTrust::kNeither), "") << "that may be chance";
   EXPECT_EQ(refusal(1.02, 1e-4, SizeTrust::kFound), "");
   EXPECT_EQ(refusal(1.02, 1e-4, SizeTrust::kStated), "");
+}
+
+TEST(PoseRefusals, ChessboardsAndChArUcoNameTheirSquaresWithTheUncertainty) {
+  const PoseRig rig = FlangeRig(7, 1, 18);
+  absl::StatusOr<PoseFit> fit = FitWithExactRobot(rig.problem);
+  ASSERT_TRUE(fit.ok()) << fit.status();
+  fit->bundle.sizes.assign(fit->bundle.sizes.size(), 1.02);
+  fit->bundle.size_sigmas.assign(fit->bundle.sizes.size(), 1e-4);
+  BoardDescription d = {.name = "b", .rows = 6, .columns = 9, .square = 0.025};
+  for (const BoardKind kind : {BoardKind::kChessboard, BoardKind::kCharuco}) {
+    d.kind = kind;
+    d.tag_size = kind == BoardKind::kCharuco ? 0.018 : 0;
+    fit->network.boards[0].board = Board(d);
+    EXPECT_THAT(std::string(CheckFinalSizes(SizeTrust::kNeither, *fit).message()),
+                HasSubstr("the squares of board 'b' measure 25.5 mm (+- 0.0025 mm), not 25 mm"));
+  }
 }
 
 TEST(PoseRefusals, PosesWhoseUncertaintyCannotBeFoundAreRefused) {
