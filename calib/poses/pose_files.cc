@@ -96,6 +96,21 @@ void AppendNumbers(const nlohmann::json& json, std::vector<double>& values) {
   }
 }
 
+std::string FrameOf(const nlohmann::json& json) {
+  const nlohmann::json& frame = json.at("frame");
+  return frame.is_string() ? frame.get<std::string>() : frame.dump();
+}
+
+// A pose as ROS writes it, {"position": {"x": ...}, "orientation": {...}}.
+bool IsRosPose(const nlohmann::json& json) {
+  return json.is_object() && json.contains("position") && json.contains("orientation");
+}
+
+void AppendRosPose(const nlohmann::json& json, std::vector<double>& values) {
+  for (const char* key : {"x", "y", "z"}) values.push_back(json.at("position").at(key));
+  for (const char* key : {"x", "y", "z", "w"}) values.push_back(json.at("orientation").at(key));
+}
+
 absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const std::string& file,
                                                 const PoseNotation& notation) {
   try {
@@ -103,12 +118,15 @@ absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const s
     std::vector<PoseRow> rows;
     for (const auto& [key, value] : json.items()) {
       PoseRow row{.place = file, .frame = key, .values = {}};
-      if (json.is_object() || value.is_array()) {
+      if (IsRosPose(value) && notation.columns() == PoseNotation().columns()) {
+        AppendRosPose(value, row.values);
+        if (!json.is_object()) row.frame = NameOfRow(rows.size() + 1);
+        if (value.contains("frame")) row.frame = FrameOf(value);
+      } else if (json.is_object() || value.is_array()) {
         AppendNumbers(value, row.values);
         if (!json.is_object()) row.frame = NameOfRow(rows.size() + 1);
       } else {
-        const nlohmann::json& frame = value.at("frame");
-        row.frame = frame.is_string() ? frame.get<std::string>() : frame.dump();
+        row.frame = FrameOf(value);
         for (const std::string& column : notation.columns()) {
           row.values.push_back(value.at(column).get<double>());
         }
@@ -165,9 +183,15 @@ std::string RobotPoseFileText(const std::vector<RobotPose>& poses) {
   return text;
 }
 
-absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& text,
+absl::StatusOr<std::vector<RobotPose>> RobotPosesFromText(const std::string& given,
                                                           const std::string& file,
                                                           const PoseNotation& notation) {
+  if (absl::StartsWith(given, "\x93NUMPY")) {
+    return InvalidArgument(file,
+                           ": is numpy's binary file; write it as text with numpy.savetxt('poses."
+                           "txt', numpy.reshape(POSES, (len(POSES), -1)))");
+  }
+  const std::string text = WithoutRobotSyntax(given, notation);
   const absl::string_view begin = absl::StripLeadingAsciiWhitespace(text);
   const bool lists = absl::StartsWith(begin, "[");
   const bool json = absl::StartsWith(begin, "{") ||

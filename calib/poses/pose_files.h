@@ -9,8 +9,8 @@
 // (then with decimal commas, if that is wished); lines that begin with # are comments. A matrix may
 // be on four lines. Or as JSON: {"0007": [0.41, -0.12, ...]}, numbers in the notation's order, a
 // matrix as rows if that is wished; or [{"frame": "0007", "tx": 0.41, ...}]. Rows without a frame,
-// JSON's [[0.41, -0.12, ...], ...], and lists or arrays as Python and numpy print them, get that of
-// NameOfRow (pose_frames.h).
+// JSON's [[0.41, -0.12, ...], ...], ROS poses as JSON, and lists or arrays as Python and numpy
+// print them, get that of NameOfRow (pose_frames.h).
 #pragma once
 
 #include <Eigen/Geometry>

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <set>
 #include <string>
 #include <utility>
@@ -179,7 +180,91 @@ std::string ColumnOf(std::string name, const std::vector<std::string>& columns) 
   return columns[3 + (real_first ? (axis + 1) % 4 : axis)];
 }
 
+Lines NumbersIn(absl::string_view text) {
+  Lines fields = FieldsOf(text);
+  std::erase_if(fields, [](const std::string& field) { return !IsNumber(field); });
+  return fields;
+}
+
+// The numbers after the notation's names, as in {X 1, Y 2, ...}; empty if one is not there once.
+Lines NamedNumbers(absl::string_view text, const Lines& columns) {
+  const Lines words = absl::StrSplit(text, absl::ByAnyChar(" \t\r\n,;:={}"), absl::SkipEmpty());
+  Lines numbers(columns.size());
+  for (size_t i = 0; i + 1 < words.size(); ++i) {
+    const auto column = std::ranges::find(columns, absl::AsciiStrToLower(words[i]));
+    if (column == columns.end() || !IsNumber(words[i + 1])) continue;
+    std::string& number = numbers[column - columns.begin()];
+    // Twice, or with a decimal comma.
+    if (!number.empty() || (i + 2 < words.size() && IsNumber(words[i + 2]))) return {};
+    number = words[i + 1];
+  }
+  return std::ranges::count(numbers, "") == 0 ? numbers : Lines();
+}
+
+// Of RAPID's robtarget [[x, y, z], [q1, q2, q3, q4], [4 of the axes], [6 more]]; else empty.
+Lines NumbersOfRobtarget(absl::string_view text) {
+  std::vector<Lines> lists;
+  for (const absl::string_view list : absl::StrSplit(text, ']')) {
+    lists.push_back(NumbersIn(list));
+    if (lists.back().empty()) lists.pop_back();
+  }
+  const std::array<size_t, 4> sizes = {3, 4, 4, 6};
+  if (!std::ranges::equal(lists, sizes, std::equal_to(), &Lines::size)) return {};
+  lists[0].insert(lists[0].end(), lists[1].begin(), lists[1].end());
+  return lists[0];
+}
+
+bool IsCutOff(const std::string& record) {
+  return std::ranges::count(record, '{') != std::ranges::count(record, '}') ||
+         std::ranges::count(record, '[') != std::ranges::count(record, ']');
+}
+
+// A pose in a controller's own syntax, as a line of name and numbers; empty if it is none.
+std::string LineOfRecord(const std::string& record, const PoseNotation& notation) {
+  const size_t open = record.find('{') != std::string::npos ? record.find('{') : record.find('[');
+  if (open == std::string::npos || IsCutOff(record)) return "";
+  const absl::string_view inside = absl::string_view(record).substr(open);
+  const absl::string_view before = absl::string_view(record).substr(0, open);
+  Lines words = absl::StrSplit(before, absl::ByAnyChar(" \t\r\n,;:=[]\""), absl::SkipEmpty());
+  Lines numbers;
+  if (inside.front() == '{') {
+    numbers = NamedNumbers(inside, notation.columns());
+  } else if (notation.name() == "abb") {
+    numbers = NumbersOfRobtarget(inside);
+  } else if (notation.name() == "ur" && !words.empty() && words.back() == "p") {
+    numbers = NumbersIn(inside);
+    words.pop_back();
+  }
+  if (numbers.empty()) return "";
+  if (!words.empty()) numbers.insert(numbers.begin(), words.back());
+  return absl::StrJoin(numbers, ",");
+}
+
 }  // namespace
+
+std::string WithoutRobotSyntax(const std::string& text, const PoseNotation& notation) {
+  constexpr size_t kMostLines = 20;  // of a record
+  Lines lines = WithoutComments(text);
+  bool found = false;
+  for (size_t i = 0; i < lines.size(); ++i) {
+    std::string record = lines[i];
+    size_t last = i;
+    while (std::ranges::count(record, '{') > std::ranges::count(record, '}') &&
+           last + 1 < lines.size() && last - i < kMostLines) {
+      absl::StrAppend(&record, "\n", lines[++last]);
+    }
+    const std::string line = LineOfRecord(record, notation);
+    if (line.empty()) {
+      // Such as /POS and ENDDAT.
+      if (NumbersIn(lines[i]).empty()) lines[i].clear();
+      continue;
+    }
+    found = true;
+    lines[i] = line;
+    while (i < last) lines[++i].clear();
+  }
+  return found ? absl::StrJoin(lines, "\n") : text;
+}
 
 std::vector<std::string> PoseFields(const std::string& text) {
   Lines lines = absl::StrSplit(text, '\n');

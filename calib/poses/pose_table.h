@@ -26,6 +26,10 @@ struct PoseTable {
 absl::StatusOr<PoseTable> PoseTableOf(const std::string& text, const std::string& file,
                                       const PoseNotation& notation);
 
+// The text with a line of name and numbers for each pose in a controller's own syntax: KUKA's FRAME
+// and E6POS, Fanuc's P[1]{...}, RAPID's robtarget, UR's p[...]; the text itself if it has none.
+std::string WithoutRobotSyntax(const std::string& text, const PoseNotation& notation);
+
 // Fields that are separated by anything but points; numpy's array(...) around them is taken away.
 std::vector<std::string> PoseFields(const std::string& text);
 

@@ -129,6 +129,56 @@ TEST(RobotPoseFile, TablesAreReadAsPeopleWriteThem) {
   }
 }
 
+TEST(RobotPoseFile, PosesAreReadInTheRobotsOwnSyntax) {
+  const std::string six = "X 400, Y -100, Z 600, A 0, B 0, C 73.73979529168804";
+  const std::string axes = "[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]";
+  struct Form {
+    std::string notation;
+    std::string text;
+    std::string frame = NameOfRow(1);
+  };
+  const RobotPose expected = OnlyPose("a,0.4,-0.1,0.6,0.6,0,0,0.8\n", "quaternion");
+  for (const Form& form :
+       {Form{"kuka", "{" + six + "}\n"}, Form{"kuka", "a {" + six + "}\n", "a"},
+        Form{"kuka", "{E6POS: " + six + ", S 2, T 35, E1 0, E2 0, E3 0, E4 0, E5 0, E6 0}\n"},
+        Form{"kuka", "DEFDAT points\nDECL E6POS XP1={" + six + ",S 2,T 35,E1 0.0}\nENDDAT\n",
+             "XP1"},
+        Form{"fanuc",
+             "/POS\nP[7]{\n   GP1:\n\tUF : 0, UT : 1,\tCONFIG : 'N U T, 0, 0, 0',\n"
+             "\tX = 400.0  mm,\tY = -100.0  mm,\tZ = 600.0  mm,\n"
+             "\tW = 73.73979529168804 deg,\tP = 0.0 deg,\tR = 0.0 deg\n};\n/END\n",
+             "7"},
+        Form{"abb", "[[400,-100,600],[0.8,0.6,0,0]," + axes + "]\n"},
+        Form{"abb", "CONST robtarget p10:=[[400,-100,600],[0.8,0.6,0,0]," + axes + "];\n", "p10"},
+        Form{"ur", "p[0.4, -0.1, 0.6, 1.2870022175866, 0, 0]\n"},
+        Form{"ur", "a = p[0.4, -0.1, 0.6, 1.2870022175866, 0, 0]\n", "a"},
+        Form{"quaternion", R"([{"position": {"x": 0.4, "y": -0.1, "z": 0.6},
+              "orientation": {"x": 0.6, "y": 0, "z": 0, "w": 0.8}}])"},
+        Form{"tum", R"({"a": {"position": {"x": 0.4, "y": -0.1, "z": 0.6},
+              "orientation": {"x": 0.6, "y": 0, "z": 0, "w": 0.8}}})",
+             "a"}}) {
+    const RobotPose pose = OnlyPose(form.text, form.notation);
+    EXPECT_EQ(pose.frame, form.frame) << form.text;
+    EXPECT_TRUE(pose.base_from_flange.isApprox(expected.base_from_flange, 1e-9)) << form.text;
+  }
+}
+
+TEST(RobotPoseFile, ARecordWithoutAllNumbersIsRefused) {
+  const std::string whole = "{X 400, Y -100, Z 600, A 0, B 0, C 70}\n";
+  const PoseNotation kuka = PoseNotation::Named("kuka", "").value();
+  for (const std::string part :
+       {"{X 400, Y -100, Z 600, A 0, B 0}\n", "{A1 0, A2 -90, A3 90}\n",
+        "{X 400, Y -100, Z 600, A 0, B 0, C 70, C 71}\n",
+        "{X 400,5, Y -100, Z 600, A 0, B 0, C 70}\n", "{X 400, Y -100, Z 600, A 0, B 0, C 7"}) {
+    EXPECT_FALSE(RobotPosesFromText(whole + part, "poses", kuka).ok()) << part;
+  }
+  EXPECT_FALSE(RobotPosesFromText("p[0.4, -0.1, 0.6, 0, 0]\n", "poses",
+                                  PoseNotation::Named("ur", "").value())
+                   .ok());
+  EXPECT_THAT(std::string(RobotPosesFromText("\x93NUMPY\1", "poses.npy").status().message()),
+              HasSubstr("numpy.savetxt("));
+}
+
 TEST(RobotPoseFile, NamesMayHaveBracketsAndDashes) {
   for (const std::string name : {"img (1).png", "run - 3"}) {
     EXPECT_EQ(OnlyPose(kHeader + name + ",0.4,-0.1,0.6,0.6,0,0,0.8\n", "quaternion").frame, name);
