@@ -2,9 +2,11 @@
 #include "calib/poses/pose_frames.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -19,6 +21,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
 #include "db/status/status_macros.h"
 
@@ -142,6 +145,56 @@ absl::Status CheckNumbers(const Numbered& poses, const Numbered& frames) {
       "; use the same names for both");
 }
 
+// The names as time stamps; empty if one is none.
+std::vector<double> StampsOf(const Frames& names) {
+  constexpr double kLeastWhole = 1e8;  // smaller whole numbers count images
+  std::vector<double> stamps;
+  for (const std::string& name : names) {
+    double stamp = 0;
+    if (!absl::SimpleAtod(name, &stamp) || !std::isfinite(stamp)) return {};
+    if (!absl::StrContains(name, ".") && stamp < kLeastWhole) return {};
+    stamps.push_back(stamp);
+  }
+  return stamps;
+}
+
+double MedianSpacing(std::vector<double> stamps) {
+  if (stamps.size() < 2) return 0;
+  std::ranges::sort(stamps);
+  std::vector<double> gaps;
+  for (size_t i = 1; i < stamps.size(); ++i) gaps.push_back(stamps[i] - stamps[i - 1]);
+  std::ranges::nth_element(gaps, gaps.begin() + static_cast<ptrdiff_t>(gaps.size() / 2));
+  return gaps[gaps.size() / 2];
+}
+
+// Names each image's nearest pose in time as the image. Nothing if names are no stamps, none is
+// near, or two images have the same nearest one.
+std::optional<std::string> NameByStamps(const Frames& frames, std::vector<RobotPose>& poses) {
+  constexpr double kNear = 0.1;  // of the spacing of images
+  Frames names;
+  for (const RobotPose& pose : poses) names.push_back(pose.frame);
+  const std::vector<double> images = StampsOf(frames);
+  const std::vector<double> stamps = StampsOf(names);
+  if (images.empty() || stamps.empty()) return std::nullopt;
+  const double limit = kNear * MedianSpacing(images);
+  double most = 0;
+  std::map<size_t, std::string> named;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const auto apart = [&](double stamp) { return std::abs(stamp - images[i]); };
+    const auto nearest = std::ranges::min_element(stamps, std::less(), apart);
+    if (apart(*nearest) > limit) continue;
+    most = std::max(most, apart(*nearest));
+    if (!named.emplace(nearest - stamps.begin(), frames[i]).second) return std::nullopt;
+  }
+  if (named.empty()) return std::nullopt;
+  for (const auto& [pose, frame] : named) poses[pose].frame = frame;
+  if (most == 0) return std::string();
+  return absl::StrFormat(
+      "%d of %d images are matched with the robot's pose that is nearest in time, %.3g apart at "
+      "most, in the unit of the stamps; see that the robot stood still that long",
+      named.size(), frames.size(), most);
+}
+
 }  // namespace
 
 bool IsBefore(const std::string& name, const std::string& other) {
@@ -178,7 +231,9 @@ absl::StatusOr<std::string> NamePosesByFrames(std::span<const TagSighting> sight
   for (const TagSighting& sighting : sightings) seen.insert(sighting.frame);
   Frames frames(seen.begin(), seen.end());
   std::ranges::sort(frames, IsBefore);
-  if (poses.empty() || frames.empty() || CountKnown(poses, frames) > 0) return std::string();
+  if (poses.empty() || frames.empty()) return std::string();
+  if (std::optional<std::string> said = NameByStamps(frames, poses)) return *std::move(said);
+  if (CountKnown(poses, frames) > 0) return std::string();
   if (absl::StartsWith(poses.front().frame, kRow)) return NameRows(frames, poses);
   std::vector<RobotPose> renamed = poses;
   for (RobotPose& pose : renamed) pose.frame = StemOf(pose.frame);

@@ -19,7 +19,8 @@ bool IsBefore(const std::string& name, const std::string& other);
 std::string NameOfRow(size_t row);
 
 // Names the poses as the sightings' frames: by their order if they are of rows without frames;
-// otherwise matched by file name, without folder and extension, or, with a warning, by number.
+// otherwise matched by file name, without folder and extension, by time stamp (the nearest within a
+// tenth of the images' median spacing; with a warning unless equal), or, with a warning, by number.
 // Returns the warning; empty if nothing had to be guessed. InvalidArgument: it is not certain which
 // row or number belongs to which frame.
 absl::StatusOr<std::string> NamePosesByFrames(std::span<const TagSighting> sightings,

@@ -83,6 +83,25 @@ TEST(PoseFrames, OtherNamesBelongTogetherByTheirNumbersWithAWarning) {
   EXPECT_THAT(NamedBy({"img1"}, PosesCalled({"1403715.1"})).names, ElementsAre("1403715.1"));
 }
 
+TEST(PoseFrames, EqualTimeStampsMayBeWrittenDifferently) {
+  const Named named = NamedBy({"10.100000", "10.200000"}, PosesCalled({"10.1000", "10.2", "10.3"}));
+  EXPECT_THAT(named.names, ElementsAre("10.100000", "10.200000", "10.3"));
+  EXPECT_THAT(named.message, IsEmpty());
+}
+
+TEST(PoseFrames, TimeStampsThatDifferALittleAreMatchedWithAWarningOfTheGreatestDifference) {
+  const Names images = {"1700000000.100000", "1700000000.833000", "1700000001.566000"};
+  const Named named = NamedBy(images, PosesCalled({"1700000000.102300", "1700000000.5",
+                                                   "1700000000.834000", "1700000001.566000"}));
+  EXPECT_THAT(named.names, ElementsAre(images[0], "1700000000.5", images[1], images[2]));
+  EXPECT_THAT(named.message, AllOf(HasSubstr("3 of 3 images"), HasSubstr("0.0023 apart at most")));
+  const Names far = {"1700000000.2", "1700000000.95"};
+  EXPECT_EQ(NamedBy(images, PosesCalled(far)).names, far);
+  const Names one = {"10.15"};
+  EXPECT_EQ(NamedBy({"10.148", "10.152", "11", "12", "13"}, PosesCalled(one)).names, one)
+      << "of two images";
+}
+
 TEST(PoseFrames, PosesCountedFromZeroAreNotMatchedWithImagesCountedFromOne) {
   const Names poses = {"pose_0", "pose_1", "pose_2"};
   const Named named = NamedBy({"img_1", "img_2", "img_3"}, PosesCalled(poses));
