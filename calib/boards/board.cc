@@ -208,6 +208,8 @@ Board ReadBoard(const YamlNode& node) {
   } else if (const std::optional<YamlNode> squares = map.Optional("charuco")) {
     ReadSize(*squares, d);
     ReadCharuco(map, d);
+  } else if (map.Optional("circles") || map.Optional("circle_grid")) {
+    node.Fail("boards of circles are not read; print a chessboard or ChArUco instead");
   } else {
     ReadTags(map, d);
   }

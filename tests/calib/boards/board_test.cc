@@ -157,6 +157,8 @@ TEST(BoardFile, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  tagsize: 0.04\n"),
               testing::AllOf(StartsWith("boards.yaml:2:"), HasSubstr("'tag_size'")));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n"), HasSubstr("'tag_size' is missing"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 0.02}\n"),
+              HasSubstr("boards of circles are not read; print a chessboard or ChArUco"));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  tag_size: 0.04\n  colums: 3\n"),
               HasSubstr("'columns'"));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  rows: 2\n  tag_size: 0.04\n"), HasSubstr("'gap'"));
