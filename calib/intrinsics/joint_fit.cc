@@ -59,8 +59,7 @@ struct Squares {
 }  // namespace
 
 absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensProblem& together,
-                                         bool fixed_lenses, bool warp, double sigma,
-                                         const OutlierRule& rule) {
+                                         bool fixed_lenses, bool warp, const OutlierRule& rule) {
   std::vector<Squares> placings(start.reference_from_board.size());
   for (const auto& o : start.observations) ++placings[static_cast<size_t>(o.board)].views;
   const auto shared = [&](const Squares& placing) { return placing.views > 1; };
@@ -72,7 +71,7 @@ absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensPro
     Alone alone = AloneOf(start, camera);
     const std::vector<Eigen::Vector3d> weights = alone.problem.corners;
     // What cannot be solved by itself cannot be compared.
-    if (!SolveExactly(alone.problem, fixed_lenses, warp, sigma, rule).ok()) return JointFit{};
+    if (!SolveExactly(alone.problem, fixed_lenses, warp, rule).ok()) return JointFit{};
     const std::vector<Eigen::Vector2d> single = Residuals(alone.problem);
     for (size_t i = 0; i < single.size(); ++i) {
       const size_t o = alone.observations[i / corners];

@@ -21,9 +21,10 @@ std::string WrongGaps(const std::vector<Board>& boards, const std::vector<TagSig
 absl::Status CheckFirstIds(const std::vector<Board>& boards,
                            const std::vector<TagSighting>& sightings);
 
-// FailedPrecondition with the reason: corners are off by tens of their sigmas and some tenths of a
-// pixel (in images of 640 pixels' width), and another gap between tags, or two lenses, explain it;
-// or they are off by more than a pixel. Of lenses that are held fixed nothing is said.
+// FailedPrecondition with the reason: corners are off by more than a twentieth of a pixel (in
+// images of 640 pixels' width), and another gap between tags, or two lenses, explain it; or they
+// are off by more than a pixel. What their sigma says does not matter. Of lenses that are held
+// fixed nothing is said.
 absl::Status CheckFit(const std::vector<LensCamera>& cameras, const std::vector<Board>& boards,
                       const std::vector<TagSighting>& sightings, const LensSettings& settings,
                       const LensSolution& solution);

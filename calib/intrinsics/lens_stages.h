@@ -24,8 +24,8 @@ absl::Status SolveRoughly(LensProblem& problem);
 FreeParts LastStep(const LensProblem& problem, bool fixed_lenses, bool warp);
 
 // Corners whose residuals are longer than `sigmas` times the noise are left out: the noise of their
-// camera (from the median) or, if larger, the sightings' own sigma or, with `by_part`, the noise
-// of the corners in that part of the image.
+// camera (from the median) or, with `by_part` and if larger, that of the corners in that part of
+// the image. The sightings' own sigmas only weigh them against each other.
 struct OutlierRule {
   double sigmas = 0;
   bool by_part = false;
@@ -35,9 +35,8 @@ inline constexpr OutlierRule kResultRule{.sigmas = 6, .by_part = true};
 // For the judgement: what is left out speaks against the lens.
 inline constexpr OutlierRule kJudgementRule{.sigmas = 4.5, .by_part = false};
 
-// From good seeds to the optimum. Weights of outliers become kOutlier. `sigma`: the standard
-// deviation of a corner of weight 1. Internal if mrcal fails.
-absl::Status SolveExactly(LensProblem& problem, bool fixed_lenses, bool warp, double sigma,
+// From good seeds to the optimum. Weights of outliers become kOutlier. Internal if mrcal fails.
+absl::Status SolveExactly(LensProblem& problem, bool fixed_lenses, bool warp,
                           const OutlierRule& rule);
 
 // The median length of an observation's residuals, weighted; 0 without corners.
@@ -64,6 +63,9 @@ struct SingleCamera {
   std::vector<PosedView> views;  // without those that do not fit
   std::vector<std::string> warnings;
 };
+
+// Of the corners of all views, as the sightings state it.
+double MedianSigma(const std::vector<PosedView>& views);
 
 // The lens model of a solve: that of the settings, or that of CameraIntrinsics if they are fixed.
 std::string LensModelOf(const LensCamera& camera, const LensSettings& settings);
@@ -96,8 +98,7 @@ struct JointFit {
 
 // `start`: before SolveExactly, `together`: after it. Internal if mrcal fails.
 absl::StatusOr<JointFit> CompareJointFit(const LensProblem& start, const LensProblem& together,
-                                         bool fixed_lenses, bool warp, double sigma,
-                                         const OutlierRule& rule);
+                                         bool fixed_lenses, bool warp, const OutlierRule& rule);
 
 // Whether what a solve found can be relied on, in plain words.
 

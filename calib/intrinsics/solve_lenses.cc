@@ -43,16 +43,6 @@ absl::Status CheckCameras(const std::vector<LensCamera>& cameras) {
   return absl::OkStatus();
 }
 
-double MedianSigma(const std::vector<PosedView>& views) {
-  std::vector<double> sigmas;
-  for (const PosedView& view : views) {
-    for (const Eigen::Vector3d& corner : view.view->corners) {
-      if (corner.z() > 0) sigmas.push_back(1 / corner.z());
-    }
-  }
-  return Median(std::move(sigmas));
-}
-
 // All that a group's solve needs to know of where its parts come from.
 struct GroupProblem {
   LensProblem problem;
@@ -195,9 +185,9 @@ absl::Status AddGroup(GroupProblem& group, const std::vector<LensCamera>& camera
   const std::string all =
       absl::StrCat(members.size(), " lenses and ", problem.reference_from_board.size(), " boards");
   settings.step(absl::StrCat(all, " together", again));
-  RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, sigma, rule));
+  RETURN_IF_ERROR(SolveExactly(problem, fixed, warp, rule));
   settings.step(absl::StrCat(all, " apart, to compare", again));
-  ASSIGN_OR_RETURN(const JointFit fit, CompareJointFit(start, problem, fixed, warp, sigma, rule));
+  ASSIGN_OR_RETURN(const JointFit fit, CompareJointFit(start, problem, fixed, warp, rule));
   RETURN_IF_ERROR(JudgeJointFit(group, fit, cameras, members, solution.warnings));
   settings.step(absl::StrCat("how exact they are", again));
   ASSIGN_OR_RETURN(LensCovariance covariance,

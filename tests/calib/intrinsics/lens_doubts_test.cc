@@ -87,6 +87,31 @@ TEST(LensDoubts, ImagesOfAnotherCameraAmongThemAreNamed) {
                     Not(HasSubstr("a" + FrameName(3)))));
 }
 
+// Two zooms by turns or one, with any stated sigma.
+std::string VerdictAt(double sigma, double zoom) {
+  const Board board = LatticeBoard();
+  const CameraModel camera = CamerasOnAnArc(1)[0];
+  CameraIntrinsics other = camera.intrinsics();
+  other.fx *= zoom;
+  other.fy *= zoom;
+  other.cx += 100 * (zoom - 1);
+  std::vector<TagSighting> sightings = SeenBy(camera, board, 20, "a", 2);
+  const auto others = SeenBy(CameraModel(other, camera.camera_from_world()), board, 20, "b", 3);
+  sightings.insert(sightings.end(), others.begin(), others.end());
+  for (TagSighting& seen : sightings) seen.sigma = sigma;
+  return std::string(FitOf(board, sightings).message());
+}
+
+TEST(LensDoubts, TheVerdictIsTheSameForAnyStatedSigma) {
+  for (const double zoom : {1.0, 1.1}) {
+    const std::string verdict = VerdictAt(0.02, zoom);
+    EXPECT_EQ(verdict.empty(), zoom == 1.0) << verdict;
+    for (const double sigma : {0.005, 0.2, 0.5}) {
+      EXPECT_EQ(VerdictAt(sigma, zoom), verdict) << sigma << " px, zoom " << zoom;
+    }
+  }
+}
+
 TEST(LensDoubts, APrintThatIsOffByTenthsOfAPixelIsTaken) {
   const Board board = LatticeBoard();
   std::vector<TagSighting> sightings = SeenBy(CamerasOnAnArc(1)[0], board, 30, "", 4);
