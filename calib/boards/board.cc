@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <optional>
@@ -25,10 +26,15 @@ namespace silhouette {
 namespace {
 
 constexpr int kMostTags = 1'000'000;
-// Of a lattice: places along a tag, the pitch in tags, and what no print is truer than.
+// Of a lattice: places along a tag, in all (mrcal holds them on the stack), and the pitch in tags.
 constexpr int kMostPlacesPerTag = 20;
+constexpr int kMostPlaces = 6400;
 constexpr double kMostPitch = 10;
-constexpr double kMostMisfitOfTag = 1e-4;
+// By how much of itself a tag differs from its places on the lattice: what no print is truer than,
+// what is near enough to want no finer lattice, and the most.
+constexpr double kExactTag = 1e-4;
+constexpr double kNearTag = 0.015;
+constexpr double kMostMisfitOfTag = 0.1;
 constexpr char kSymmetric[] = "-symmetric";
 
 }  // namespace
@@ -124,25 +130,39 @@ Board::Steps Board::LatticeSteps() const {
   const double tag_size = description_.tag_size;
   const double pitch = tag_size + description_.gap;
   if (pitch > kMostPitch * tag_size) return {};
+  Steps best;
+  double least = kMostMisfitOfTag;
   for (int tag = 1; tag <= kMostPlacesPerTag; ++tag) {
-    const int places = static_cast<int>(std::lround(pitch / tag_size * tag));
-    const double misfit = tag * pitch / places - tag_size;
-    if (places > tag && std::abs(misfit) <= kMostMisfitOfTag * tag_size) {
-      return {.tag = tag, .pitch = places};
-    }
+    const Steps steps{.tag = tag, .pitch = static_cast<int>(std::lround(pitch / tag_size * tag))};
+    if (steps.pitch <= tag) continue;
+    const int64_t places = int64_t{Places(mark_columns(), steps)} * Places(mark_rows(), steps);
+    if (places > kMostPlaces) break;
+    const double misfit = std::abs(tag * pitch / steps.pitch - tag_size) / tag_size;
+    if (misfit <= kExactTag) return steps;
+    if (least <= kNearTag || misfit >= least) continue;
+    best = steps;
+    least = misfit;
   }
-  return {};
+  return best;
+}
+
+int Board::Places(int marks, const Steps& steps) {
+  return (marks - 1) * steps.pitch + steps.tag + 1;
 }
 
 std::optional<Lattice> Board::lattice() const {
   const BoardDescription& d = description_;
   const Steps steps = LatticeSteps();
   if (steps.pitch == 0) return std::nullopt;
-  return Lattice{.width = (mark_columns() - 1) * steps.pitch + steps.tag + 1,
-                 .height = (mark_rows() - 1) * steps.pitch + steps.tag + 1,
-                 .spacing = d.kind == BoardKind::kTags && tags() > 1
-                                ? (d.tag_size + d.gap) / steps.pitch
-                                : std::max(d.tag_size, d.square)};
+  Lattice lattice{.width = Places(mark_columns(), steps),
+                  .height = Places(mark_rows(), steps),
+                  .spacing = std::max(d.tag_size, d.square)};
+  if (lattice.width > kMostPlaces / lattice.height) return std::nullopt;
+  if (d.kind == BoardKind::kTags && tags() > 1) {
+    lattice.spacing = (d.tag_size + d.gap) / steps.pitch;
+    lattice.exact = std::abs(steps.tag * lattice.spacing - d.tag_size) <= kExactTag * d.tag_size;
+  }
+  return lattice;
 }
 
 GridPlace Board::LatticePlaceOf(int id, int corner) const {

@@ -54,6 +54,9 @@ struct Lattice {
   int width = 0;
   int height = 0;
   double spacing = 0;  // metres
+  // Whether the board's corners lie on it. If not, the first corner of each tag does, and the tag
+  // is some per cent larger or smaller than its places.
+  bool exact = true;
   bool operator==(const Lattice&) const = default;
 };
 
@@ -104,8 +107,9 @@ class Board {
   // chessboard with an even number of rows and columns together.
   bool IsAmbiguous() const { return IsAmbiguousFamily(family_); }
 
-  // The coarsest lattice that has all corners, to a ten thousandth of a tag. Nothing: none with 20
-  // places a tag or less, as the gap is no simple fraction of the tag's size.
+  // The coarsest lattice of 20 places a tag and 6400 in all, or less, that has all corners, to a
+  // ten thousandth of a tag; else one that has them nearly. Nothing: there are too many tags for
+  // the gap, which is not near a simple fraction of the tag's size, or too wide.
   std::optional<Lattice> lattice() const;
   // Where on it a corner of a mark is. Throws std::out_of_range as CornersOf, std::logic_error if
   // there is no lattice.
@@ -123,6 +127,8 @@ class Board {
     int pitch = 0;
   };
   Steps LatticeSteps() const;
+  // Along a row or column of marks.
+  static int Places(int marks, const Steps& steps);
 
   BoardDescription description_;
   std::string family_;

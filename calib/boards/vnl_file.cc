@@ -28,7 +28,8 @@ size_t PointOf(const Lattice& lattice, const GridPlace& place) {
 }
 
 absl::StatusOr<Lattice> LatticeOf(const Board& board) {
-  if (const std::optional<Lattice> lattice = board.lattice()) return *lattice;
+  const std::optional<Lattice> lattice = board.lattice();
+  if (lattice && lattice->exact) return *lattice;
   return InvalidArgument("board '", board.description().name,
                          "': its corners are on no regular lattice, which corners.vnl needs");
 }

@@ -2,6 +2,7 @@
 #include "calib/intrinsics/board_views.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -97,15 +98,15 @@ absl::Status ChooseBoards(const std::vector<LensCamera>& cameras, const std::vec
     const std::optional<Lattice> lattice = board.lattice();
     if (!lattice) {
       return InvalidArgument(absl::StrFormat(
-          "board '%s': its corners are on no regular lattice, as the gap of %g m is no simple "
-          "fraction of the tag's size of %g m; round them if they were measured, or print a board "
-          "whose gap equals its tag's size for the lenses",
-          name, board.description().gap, board.description().tag_size));
+          "board '%s': with %d x %d marks and gaps of %g m it needs a lattice too large for the "
+          "lenses; print a board of fewer tags, or one whose gap equals its tag's size",
+          name, board.description().columns, board.description().rows, board.description().gap));
     }
     if (!first) {
       first = i;
       out.lattice = *lattice;
     } else if (lattice->width != out.lattice.width || lattice->height != out.lattice.height ||
+               lattice->exact != out.lattice.exact ||
                std::abs(lattice->spacing - out.lattice.spacing) > 1e-9) {
       return InvalidArgument(
           "boards '", boards[*first].description().name, "' and '", name,
@@ -137,6 +138,34 @@ void LeaveOutCopies(const std::vector<LensCamera>& cameras, BoardViews& out) {
     }
   }
   out.views = std::move(kept);
+}
+
+// Moves each tag's corners to where those of its places on the lattice would be seen.
+void LayOnLattice(const Board& board, const Lattice& lattice, BoardView& view) {
+  view.shifts.assign(view.corners.size(), Eigen::Vector2d::Zero());
+  for (int id = board.first_mark(); board.HasTag(id); ++id) {
+    const MarkCorners corners = board.CornersOf(id);
+    std::vector<size_t> places;
+    std::vector<cv::Point2d> on_board;
+    std::vector<cv::Point2d> on_lattice;
+    std::vector<cv::Point2d> seen;
+    for (int i = 0; i < 4; ++i) {
+      places.push_back(LatticeIndex(board, id, i));
+      const GridPlace place = board.LatticePlaceOf(id, i);
+      on_lattice.emplace_back(lattice.spacing * place.column, lattice.spacing * place.row);
+      on_board.emplace_back(corners[places.size() - 1].x(), corners[places.size() - 1].y());
+      seen.emplace_back(view.corners[places.back()].x(), view.corners[places.back()].y());
+    }
+    if (view.corners[places[0]].z() == kNoCorner) continue;
+    const cv::Mat homography = cv::findHomography(on_board, seen, 0);
+    if (homography.empty()) continue;  // on one line: an outlier in any case
+    std::vector<cv::Point2d> moved;
+    cv::perspectiveTransform(on_lattice, moved, homography);
+    for (size_t i = 0; i < 4; ++i) {
+      view.shifts[places[i]] = {moved[i].x - seen[i].x, moved[i].y - seen[i].y};
+      view.corners[places[i]].head<2>() += view.shifts[places[i]];
+    }
+  }
 }
 
 }  // namespace
@@ -214,6 +243,8 @@ absl::StatusOr<BoardViews> GatherBoardViews(const std::vector<LensCamera>& camer
   std::erase_if(out.views, [&](const BoardView& view) {
     return view.seen < (boards[view.board].tags() == 1 ? 4 : 8);
   });
+  if (out.lattice.exact) return out;
+  for (BoardView& view : out.views) LayOnLattice(boards[view.board], out.lattice, view);
   return out;
 }
 

@@ -21,6 +21,13 @@ struct BoardView {
   // Row by row, as LensProblem::corners: pixel x, y, and 1 / sigma or kNoCorner.
   std::vector<Eigen::Vector3d> corners;
   int seen = 0;  // corners
+  // What was added to the corners' pixels, as where the lattice has them is not where the board
+  // does; empty if the lattice is exact.
+  std::vector<Eigen::Vector2d> shifts = {};
+
+  Eigen::Vector2d ShiftOf(size_t corner) const {
+    return shifts.empty() ? Eigen::Vector2d::Zero() : shifts[corner];
+  }
 };
 
 // Which corner of BoardView::corners a corner of a mark of the board, which has a lattice, is.
@@ -33,6 +40,8 @@ struct BoardViews {
   std::vector<std::string> warnings;
 };
 
+// Where a board's lattice is not exact, the corners of each tag are moved to where those on the
+// lattice would be seen: by the homography of the tag, which is as bent as the lens around it.
 // InvalidArgument: no sighting of these boards, a board without a lattice, boards of different
 // lattices, a camera without an image size, a corner outside the image, a tag twice in an image,
 // mirrored images or boards. Tags with a corner just beyond the image's rim are left out.

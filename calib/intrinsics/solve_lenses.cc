@@ -99,7 +99,8 @@ void AddResiduals(const GroupProblem& group, const std::vector<Board>& boards,
                                       .board = board.description().name,
                                       .tag = mark,
                                       .corner = corner,
-                                      .seen = problem.corners[at].head<2>(),
+                                      .seen = problem.corners[at].head<2>() -
+                                              view.ShiftOf(LatticeIndex(board, mark, corner)),
                                       .residual = residuals[at],
                                       .outlier = problem.corners[at].z() == kOutlier});
       }

@@ -150,14 +150,15 @@ void Print(const BoardArguments& arguments, const std::vector<Board>& boards,
   const Paper& paper = sheets.front().paper;
   const Board& first = boards.front();
   const BoardDescription& d = first.description();
-  nlohmann::ordered_json json = {{"boards", boards.size()},
-                                 {"family", first.family()},
-                                 {"first_id", first.first_mark()},
-                                 {"last_id", boards.back().first_mark() + boards.back().tags() - 1},
-                                 {"paper", paper.name},
-                                 {"pages", sheets.size()},
-                                 {"lattice", first.lattice().has_value()},
-                                 {"files", files}};
+  nlohmann::ordered_json json = {
+      {"boards", boards.size()},
+      {"family", first.family()},
+      {"first_id", first.first_mark()},
+      {"last_id", boards.back().first_mark() + boards.back().tags() - 1},
+      {"paper", paper.name},
+      {"pages", sheets.size()},
+      {"lattice", first.lattice().value_or(Lattice{.exact = false}).exact},
+      {"files", files}};
   if (d.kind != BoardKind::kChessboard) json["tag_size"] = d.tag_size;
   if (d.kind == BoardKind::kTags) {
     json["gap"] = d.gap;
@@ -166,7 +167,7 @@ void Print(const BoardArguments& arguments, const std::vector<Board>& boards,
   }
   std::string notes;
   if (!first.lattice()) {
-    notes = "Its corners are on no regular lattice, which `intrinsics` needs.\n";
+    notes = "It has too many tags, or too wide a gap, for the lattice that `intrinsics` needs.\n";
   } else if (first.IsAmbiguous()) {
     notes = "It looks the same turned by half: good for lenses, not for poses.\n";
   }

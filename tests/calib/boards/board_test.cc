@@ -38,7 +38,30 @@ TEST(Board, CornersAreOnTheCoarsestLattice) {
   EXPECT_EQ(kalibr.width, 37);
   EXPECT_EQ(kalibr.height, 24);
   EXPECT_NEAR(kalibr.spacing, 0.004, 1e-12);
-  description.gap = 0.0123;
+  EXPECT_TRUE(kalibr.exact);
+}
+
+TEST(Board, AnyGapHasALatticeNearItsCorners) {
+  for (const int side : {2, 6, 9}) {
+    for (int gap = 200; gap <= 600; ++gap) {
+      const Board board({.name = "kalibr",
+                         .rows = side,
+                         .columns = side,
+                         .tag_size = 0.03,
+                         .gap = 0.03e-3 * gap});
+      const Lattice lattice = board.lattice().value();
+      EXPECT_LE(lattice.width * lattice.height, 6400);
+      const double tag = lattice.spacing * board.LatticePlaceOf(0, 1).column;
+      EXPECT_NEAR(tag / 0.03, 1, lattice.exact ? 1e-4 : 0.05) << gap << ", side " << side;
+    }
+  }
+}
+
+TEST(Board, TooManyTagsForTheirGapHaveNoLattice) {
+  BoardDescription description = TwoByThree();
+  description.rows = 40;
+  description.columns = 30;
+  description.gap = 0.3 * description.tag_size;
   EXPECT_EQ(Board(description).lattice(), std::nullopt);
 }
 

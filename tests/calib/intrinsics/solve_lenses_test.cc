@@ -155,6 +155,42 @@ TEST(SolveLenses, OtherBoardsGiveLensesAsGoodAsTheyAreSaidToBe) {
   }
 }
 
+TEST(SolveLenses, AnyGapBetweenTagsGivesLensesAsGoodAsTheyAreSaidToBe) {
+  const auto cameras = CamerasOnAnArc(1);
+  for (const double gap : {0.2954, 0.35}) {
+    SCOPED_TRACE(gap);
+    const Board board({.name = "kalibr",
+                       .rows = 6,
+                       .columns = 6,
+                       .tag_size = 0.06,
+                       .gap = gap * 0.06,
+                       .from_bottom = true});
+    ASSERT_FALSE(board.lattice()->exact);
+    Errors errors;
+    for (const unsigned seed : {3, 4}) {
+      std::mt19937 random(seed);
+      const Session session =
+          Look(cameras, board, {.frames = 25, .spread = 0.5, .noise = 0.02}, random);
+      const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+      ASSERT_TRUE(solution.ok()) << solution.status();
+      EXPECT_NEAR(solution->groups[0].noise, 1, 0.1);
+      const SolvedCamera& camera = solution->cameras[0];
+      EXPECT_LT(camera.focal_length_sigma, 0.0001);
+      EXPECT_NEAR(camera.intrinsics[0] / cameras[0].intrinsics().fx, 1,
+                  3 * camera.focal_length_sigma);
+      errors.Add(WorkspaceErrors(cameras, session.truth, *solution, board, random));
+      const LensResidual& first = solution->residuals[0];
+      const auto seen = std::ranges::find_if(session.sightings, [&](const TagSighting& sighting) {
+        return sighting.frame == first.frame && sighting.tag == first.tag;
+      });
+      ASSERT_NE(seen, session.sightings.end());
+      EXPECT_LT((first.seen - seen->corners[static_cast<size_t>(first.corner)]).norm(), 1e-9);
+    }
+    EXPECT_LT(errors.RmsPerAxis(), 0.01);
+    EXPECT_LT(errors.Chi2PerDof(), 2.5);
+  }
+}
+
 TEST(SolveLenses, AChessboardThatLooksTheSameTurnedByHalfTiesNoCameras) {
   const auto cameras = CamerasOnAnArc(2);
   const Board board(

@@ -127,9 +127,9 @@ TEST_F(WeakData, ABoardDescribedWrongly) {
   ExpectRefused(sightings, kInvalid, "its tags do not lie as the description says");
 }
 
-TEST_F(WeakData, ABoardThatIsNoLattice) {
-  board_ = Board({.name = "kalibr", .rows = 3, .columns = 4, .tag_size = 0.08, .gap = 0.0243});
-  ExpectRefused(Look({.frames = 8}), kInvalid, "print a board whose gap equals its tag's size");
+TEST_F(WeakData, ABoardOfTooManyTagsForItsGap) {
+  board_ = Board({.name = "dust", .rows = 40, .columns = 30, .tag_size = 0.02, .gap = 0.0072});
+  ExpectRefused(Look({.frames = 1}), kInvalid, "print a board of fewer tags");
 }
 
 TEST_F(WeakData, ViewsWithoutImageSizeAndTagsOfNoBoard) {
