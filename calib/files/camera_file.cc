@@ -163,6 +163,8 @@ absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::s
 
 namespace {
 
+constexpr char kOwnModel[] = "it names its lens model itself; leave --fisheye out";
+
 // Pixels by which a lens that is converted may be off: little beside what calibrations leave.
 constexpr double kMostFisheyeError = 0.1;
 
@@ -330,10 +332,13 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix, const std::string
                          const ForeignCameraOptions& options) {
   CameraIntrinsics intrinsics;
   std::string format = "OpenCV";
-  bool equidistant = false;
+  bool equidistant = options.fisheye;
+  bool stated = options.fisheye;
   SetMatrix(matrix, intrinsics);
   if (const auto model = map.Optional("distortion_model")) {
     format = "ROS";
+    stated = true;
+    if (options.fisheye) model->Fail(kOwnModel);
     const auto name = model->As<std::string>();
     equidistant = name == "equidistant" || name == "fisheye";
     if (!equidistant && name != "plumb_bob" && name != "rational_polynomial" && !name.empty()) {
@@ -343,6 +348,7 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix, const std::string
   }
   if (const auto fisheye = map.Optional("fisheye_model")) {
     const auto value = fisheye->As<std::string>();
+    stated = true;
     equidistant = equidistant || (value != "0" && value != "false");
   }
   const auto distortion = AnyOf(map,
@@ -361,11 +367,14 @@ ForeignCamera FromMatrix(YamlMap& map, const YamlNode& matrix, const std::string
   SetSize(map.node(), size, options, intrinsics);
   if (equidistant) return FromEquidistant(*distortion, intrinsics, format);
   SetDistortion(*distortion, intrinsics);
-  return {CameraModel(intrinsics), format};
+  return {.camera = CameraModel(intrinsics),
+          .format = format,
+          .may_be_fisheye = !stated && MatrixOf(*distortion).size() == 4};
 }
 
 ForeignCamera FromKalibr(const YamlNode& node, const ForeignCameraOptions& options) {
   YamlMap map(node);
+  if (options.fisheye) node.Fail(kOwnModel);
   const YamlNode model = map.Required("camera_model");
   if (model.As<std::string>() != "pinhole") {
     model.Fail(absl::StrCat("the camera model '", model.As<std::string>(),
@@ -431,6 +440,7 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
   try {
     if (text.find("'lensmodel'") != std::string::npos ||
         text.find("\"lensmodel\"") != std::string::npos || file.ends_with(kCameraFileExtension)) {
+      if (options.fisheye) return InvalidArgument(file, ": ", kOwnModel);
       ASSIGN_OR_RETURN(const CameraModel camera, CameraFromText(text, file));
       CameraIntrinsics checked = camera.intrinsics();
       SetSize(YamlNode::FromText("{}", file), std::array<int, 2>{checked.width, checked.height},

@@ -61,12 +61,18 @@ struct ForeignCamera {
   CameraModel camera;
   std::string format;    // "mrcal", "OpenCV", "ROS" or "Kalibr"
   double converted = 0;  // pixels by which the camera differs from the file's, at most
+  // OpenCV's coefficients were four, taken for k1, k2, p1, p2, and nothing says that they are not
+  // those of cv2.fisheye.
+  bool may_be_fisheye = false;
 };
 
 struct ForeignCameraOptions {
   // For files that do not say it. Must agree with those that do.
   std::optional<std::array<int, 2>> image_size = std::nullopt;
   std::string camera = {};  // which of a file's several cameras: "cam1", "2"
+  // OpenCV's four coefficients are those of cv2.fisheye. InvalidArgument for formats that name the
+  // lens model themselves.
+  bool fisheye = false;
 };
 
 // `file`: what messages call it. InvalidArgument with file and line: none of these formats, a lens

@@ -48,8 +48,8 @@ class Warnings {
     OfHalves();
     OfPairs();
     if (report_.refusal.empty() && report_.held_out_by == HeldOutBy::kNothing) {
-      Say("nothing could be held out: there are fewer than four frames, and fewer than four "
-          "surveyed boards; errors are those of the fit, and promise too much");
+      Say("nothing could be held out: that needs four frames or four surveyed boards, and a "
+          "calibration by the rest of them; errors are those of the fit, and promise too much");
     }
     if (report_.dof > 0 && report_.chi2_per_dof < 0.4) {
       Say("robot or survey err less than the stated sigmas explain (chi2/dof %.2f): "

@@ -42,6 +42,7 @@ struct IntrinsicsArguments {
   std::string fixed;
   std::string from;
   std::string camera;
+  bool fisheye = false;
   bool unconnected = false;
   bool flat = false;
   bool not_simultaneous = false;
@@ -80,8 +81,8 @@ std::string CameraOfNumbers(const std::string& text) {
 
 absl::StatusOr<ForeignCamera> ReadCamera(const std::string& file,
                                          const std::optional<PixelSize>& size,
-                                         const std::string& camera) {
-  ForeignCameraOptions options{.camera = camera};
+                                         const std::string& camera, bool fisheye) {
+  ForeignCameraOptions options{.camera = camera, .fisheye = fisheye};
   if (size) options.image_size = {size->width, size->height};
   if (const std::string numbers = CameraOfNumbers(file); !numbers.empty()) {
     return CameraFromForeignText(numbers, "--from", options);
@@ -97,7 +98,8 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
   }
   const std::string& view = arguments.views[0];
   ASSIGN_OR_RETURN(const auto size, SizeGivenFor(arguments, view));
-  ASSIGN_OR_RETURN(const ForeignCamera read, ReadCamera(arguments.from, size, arguments.camera));
+  ASSIGN_OR_RETURN(const ForeignCamera read,
+                   ReadCamera(arguments.from, size, arguments.camera, arguments.fisheye));
   ASSIGN_OR_RETURN(const std::string file, WriteCameraFile(arguments.out, view, read.camera));
   const CameraIntrinsics& k = read.camera.intrinsics();
   if (read.format != "mrcal" &&
@@ -112,6 +114,7 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
        {"focal_lengths", {k.fx, k.fy}},
        {"image_size", {k.width, k.height}},
        {"converted_px", read.converted},
+       {"may_be_fisheye", read.may_be_fisheye},
        {"file", file}},
       absl::StrCat(read.format, "'s camera of ", k.width, "x", k.height, " pixels, focal lengths ",
                    k.fx, ", ", k.fy, "; wrote ", file, "\n",
@@ -120,6 +123,10 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
                        : absl::StrFormat("Converted from an equidistant lens: off by at most %.2g "
                                          "pixels.\n",
                                          read.converted),
+                   read.may_be_fisheye
+                       ? "Its four coefficients were read as k1, k2, p1, p2; if they are of "
+                         "cv2.fisheye, give --fisheye.\n"
+                       : "",
                    read.format == "mrcal" ? "" : "Its pose is not set; `poses` finds it.\n"));
   return kDone;
 }
@@ -154,7 +161,7 @@ absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& 
   LensCamera camera{.name = view};
   if (!arguments.fixed.empty()) {
     const std::string file = (fs::path(arguments.fixed) / CameraFileName(view)).string();
-    ASSIGN_OR_RETURN(const auto read, ReadCamera(file, size, ""));
+    ASSIGN_OR_RETURN(const auto read, ReadCamera(file, size, "", false));
     camera.fixed = read.camera.intrinsics();
     camera.width = camera.fixed->width;
     camera.height = camera.fixed->height;
@@ -315,6 +322,10 @@ void AddIntrinsicsCommand(CLI::App& program, Run& run) {
                    "YAML, or a 3 x 3 matrix or fx,fy,cx,cy, and after it OpenCV's coefficients "
                    "k1,k2,p1,p2[,k3[,k4,k5,k6]]")
       ->excludes(fixed);
+  command
+      ->add_flag("--fisheye", a->fisheye,
+                 "OpenCV's four coefficients of --from are cv2.fisheye's k1,k2,k3,k4")
+      ->needs("--from");
   command->add_option("--camera", a->camera,
                       "Which camera of the file: cam0 of Kalibr's, 1 or 2 of OpenCV's stereo");
   AddFormatOption(*command, a->format);

@@ -7,8 +7,11 @@ extern "C" {
 #include <mrcal/mrcal.h>
 }
 
+#include <cmath>
 #include <fstream>
+#include <numbers>
 #include <random>
+#include <utility>
 
 #include "calib/files/camera_file.h"
 #include "calib/intrinsics/solve_lenses.h"
@@ -260,6 +263,32 @@ TEST(ForeignCameraFile, EquidistantLensIsConvertedAndSaysHowWell) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_GT(read->converted, 0);
   EXPECT_LT(read->converted, 0.1);
+}
+
+TEST(ForeignCameraFile, FourCoefficientsOfOpenCvAreThoseOfAFisheyeLensIfSaid) {
+  const std::string text = "461.6 0 362.7 0 460.2 248.1 0 0 1 -0.0033 0.0007 -0.0021 0.0002";
+  const auto plain = CameraFromForeignText(text, "K.txt", {.image_size = {{752, 480}}});
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  EXPECT_TRUE(plain->may_be_fisheye);
+  EXPECT_EQ(plain->camera.intrinsics().distortion[2], -0.0021);
+  const auto read =
+      CameraFromForeignText(text, "K.txt", {.image_size = {{752, 480}}, .fisheye = true});
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_FALSE(read->may_be_fisheye);
+  EXPECT_GT(read->converted, 0);
+  // A ray at 40 degrees, by cv2.fisheye's formula.
+  const double angle = 40 * std::numbers::pi / 180;
+  const double square = angle * angle;
+  const double bent =
+      angle * (1 + square * (-0.0033 + square * (0.0007 + square * (-0.0021 + square * 0.0002))));
+  const auto pixel = read->camera.Project({std::sin(angle), 0, std::cos(angle)});
+  ASSERT_TRUE(pixel.has_value());
+  EXPECT_NEAR(pixel->x(), 362.7 + 461.6 * bent, 0.1);
+  for (const auto& [stated, camera] : {std::pair(kKalibr, "cam0"), std::pair(kRos, "")}) {
+    const auto refused =
+        CameraFromForeignText(stated, "c.yaml", {.camera = camera, .fisheye = true});
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr("leave --fisheye out"));
+  }
 }
 
 TEST(ForeignCameraFile, SaysWhatItDoesNotHold) {

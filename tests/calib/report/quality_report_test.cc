@@ -160,6 +160,14 @@ TEST(QualityReport, AnImageLostMidwayIsToldByThePairing) {
                              HasSubstr("the pose of the frame before"))));
 }
 
+TEST(QualityReport, WhereNothingCanBeHeldOutItSaysWhatThatNeeds) {
+  const QualityReport report = ReportOf(FlangeRig(3, 2, 6).problem);
+  EXPECT_EQ(report.refusal, "");
+  EXPECT_EQ(report.held_out_by, HeldOutBy::kNothing);
+  EXPECT_THAT(report.warnings, Contains(HasSubstr("a calibration by the rest of them")));
+  EXPECT_THAT(report.warnings, Not(Contains(HasSubstr("fewer than four frames"))));
+}
+
 TEST(QualityReport, ARefusalLeavesWhatWasSeen) {
   PoseRig rig = FlangeRig(4);
   std::erase_if(rig.problem.sightings,

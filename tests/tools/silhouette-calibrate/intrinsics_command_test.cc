@@ -168,6 +168,15 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   ASSERT_EQ(fisheye.exit_code, 0) << fisheye.out;
   EXPECT_THAT(fisheye.out, HasSubstr("Converted from an equidistant lens: off by at most"));
 
+  const std::string four =
+      "--from 461.6,460.2,362.7,248.1,-0.0033,0.0007,-0.0021,0.0002 --image-size 752x480 --view "
+      "four --out " +
+      in;
+  EXPECT_THAT(Calibrate(four).out, HasSubstr("read as k1, k2, p1, p2; if they are of cv2.fisheye"));
+  EXPECT_THAT(Calibrate(four + " --fisheye").out, HasSubstr("Converted from an equidistant lens"));
+  EXPECT_EQ(ContentOf(folder_ / "four.cameramodel").substr(31),
+            ContentOf(folder_ / "wide.cameramodel").substr(31));
+
   const std::string numbers = "--from 615.5,615.25,319.5,239.5 --view top --out " + in;
   EXPECT_THAT(Calibrate(numbers).out, HasSubstr("does not say the images' size"));
   const Ended undistorted = Calibrate(numbers + " --image-size 640x480");
