@@ -258,7 +258,8 @@ void LogDrawn(const ServedDatabase& database, const Cell& cell, const DrawnCell&
   const std::vector<std::string> uncertain = UncertainLinks(*drawn.robot, robot);
   if (uncertain.empty()) return;
   spdlog::warn(
-      "no pixel certainly shows {}, too thin for the masks' pixels, or with meshes that are concave "
+      "no pixel certainly shows {}, too thin for the masks' pixels, or with meshes that are "
+      "concave "
       "or not closed: that it is not where it reports is not noticed there; use finer masks "
       "(mask_size), close the meshes, or draw closed ones by 'geometry'",
       LinksNamed(uncertain));
