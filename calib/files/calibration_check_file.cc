@@ -2,6 +2,7 @@
 #include "calib/files/calibration_check_file.h"
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -13,6 +14,8 @@ namespace silhouette {
 namespace {
 
 constexpr int kCalibrationCheckVersion = 1;
+
+bool IsLength(double value) { return std::isfinite(value) && value >= 0; }
 
 }  // namespace
 
@@ -71,6 +74,9 @@ absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const st
     }
     check.calibration = json.at("calibration").get<std::string>();
     check.limit_mask_px = json.at("limit_mask_px").get<double>();
+    if (!IsLength(check.limit_mask_px)) {
+      return InvalidArgument("'", file, "': limit_mask_px ", check.limit_mask_px, " is no limit");
+    }
     for (const nlohmann::json& view : json.at("views")) {
       CheckedView& added = check.views.emplace_back();
       added.name = view.at("name").get<std::string>();
@@ -78,10 +84,18 @@ absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const st
       added.checked = view.at("checked").get<bool>();
       added.moved_px = view.at("moved_px").get<double>();
       added.moved_mask_px = view.at("moved_mask_px").get<double>();
+      for (const double moved : {added.moved_px, added.moved_mask_px}) {
+        if (IsLength(moved)) continue;
+        return InvalidArgument("'", file, "': view '", added.name, "' cannot have moved by ", moved,
+                               " px");
+      }
       // What the file says of itself is not believed where its numbers contradict.
       added.holds = view.at("holds").get<bool>() && added.checked &&
                     added.moved_mask_px <= check.limit_mask_px;
       added.message = view.at("message").get<std::string>();
+    }
+    if (check.Holds() && !json.at("holds").get<bool>()) {
+      return InvalidArgument("'", file, "' states that the calibration does not hold");
     }
     return check;
   } catch (const nlohmann::json::exception& error) {

@@ -41,7 +41,8 @@ struct CalibrationCheck {
 
 std::string CheckFileText(const CalibrationCheck& check);
 
-// InvalidArgument: not such a file, another version, a value that is missing.
+// InvalidArgument: not such a file, another version, a value that is missing, a motion or a limit
+// that is negative or no number, or "holds": false though every view does.
 absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const std::string& file);
 
 }  // namespace silhouette

@@ -38,8 +38,11 @@ CalibrationTrust TrustFrom(const absl::StatusOr<std::string>& text,
   CalibrationTrust trust;
   trust.holds = check->Holds();
   trust.fingerprint = check->calibration;
+  for (const CheckedView& view : check->views) trust.views.push_back(view.name);
+  trust.limit = check->limit_mask_px;
   trust.message = absl::StrCat(check->Summary(), ", as checked at ", when);
   if (settings.max_age != absl::InfiniteDuration()) {
+    trust.max_age = settings.max_age;
     trust.until = now.running + settings.max_age - std::max(age, absl::ZeroDuration());
   }
   return trust;

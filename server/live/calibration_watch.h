@@ -18,8 +18,9 @@ struct CalibrationWatchSettings {
   absl::Duration max_age = absl::InfiniteDuration();
 };
 
-// What the file says at the moment `now`. One that cannot be read, is none, is from the future or
-// too old, or in which a view moved or was not checked: does not hold, and why.
+// What the file says at the moment `now`. One that cannot be read, is none, is from the future, or
+// in which a view moved or was not checked: does not hold, and why. Whether it has become too old
+// and is of the database that is served is another question (CalibrationDoubt in checker.h).
 CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
 
 // Reads the file every half second, and reports its content: at once, in the constructor, and

@@ -5,6 +5,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
 namespace silhouette {
 
 Reason BlockedReason(const Served& served, const SceneSettings& settings, const Moment& now) {
@@ -26,12 +29,58 @@ bool RestsOnCalibration(const ServedDatabase& database, const Policy& policy) {
          IsSound(policy.preset);
 }
 
-Reason CalibrationReason(const Served& served, const Moment& now) {
-  if (served.trust == nullptr) return Reason::kNone;
+namespace {
+
+constexpr char kCheckAgain[] = "; run 'silhouette-calibrate check' again";
+
+// Where a check does not have each view of the database once; empty: it does.
+std::string WrongViews(const CalibrationTrust& trust, const ServedDatabase& database) {
+  for (int view = 0; view < database.views(); ++view) {
+    const std::string& name = database.view_name(view);
+    const auto count = std::ranges::count(trust.views, name);
+    if (count == 0) return absl::StrCat("the check lacks view '", name, "'");
+    if (count > 1) return absl::StrCat("the check has view '", name, "' more than once");
+  }
+  for (const std::string& name : trust.views) {
+    if (database.ViewOf(name)) continue;
+    return absl::StrCat("the check has view '", name, "', which the database does not have");
+  }
+  return "";
+}
+
+}  // namespace
+
+std::string CalibrationDoubt(const Served& served, const Moment& now) {
+  if (served.trust == nullptr) return "";
   const CalibrationTrust& trust = *served.trust;
-  const bool known = trust.holds && now.running < trust.until &&
-                     trust.fingerprint == served.database->calibration_fingerprint();
-  return known ? Reason::kNone : Reason::kCalibrationDoubtful;
+  const ServedDatabase& database = *served.database;
+  if (!trust.holds) return trust.message;
+  if (!(now.running < trust.until)) {
+    const absl::Duration age =
+        absl::Trunc(now.running - trust.until + trust.max_age, absl::Milliseconds(1));
+    return absl::StrCat("the check is ", absl::FormatDuration(age),
+                        " old; calibration_check: max_age is ", absl::FormatDuration(trust.max_age),
+                        kCheckAgain);
+  }
+  if (trust.fingerprint != database.calibration_fingerprint()) {
+    const std::string& ours = database.calibration_fingerprint();
+    return absl::StrCat("the check is of another calibration, ", trust.fingerprint,
+                        ", than the database has, ", ours.empty() ? "none" : ours, kCheckAgain,
+                        " with this database");
+  }
+  const std::string wrong = WrongViews(trust, database);
+  if (!wrong.empty()) return wrong + kCheckAgain;
+  if (!(trust.limit <= database.calibration_margin())) {
+    return absl::StrFormat(
+        "the check let views move by %.2f mask px, more than calibration: margin, %.2f%s with a "
+        "smaller --limit",
+        trust.limit, database.calibration_margin(), kCheckAgain);
+  }
+  return "";
+}
+
+Reason CalibrationReason(const Served& served, const Moment& now) {
+  return CalibrationDoubt(served, now).empty() ? Reason::kNone : Reason::kCalibrationDoubtful;
 }
 
 Reason BlockedReason(const Served& served, const Policy& policy, const SceneSettings& settings,

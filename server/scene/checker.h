@@ -96,8 +96,12 @@ const DistanceImages& DistancesFor(const Served& served, const TestSupport& supp
 // Whether verdicts under the policy rest on the calibration: all do on robot images that are drawn.
 bool RestsOnCalibration(const ServedDatabase& database, const Policy& policy);
 
-// kCalibrationDoubtful if the calibration is checked, and not known to hold at the moment `now`;
-// kNone else.
+// Why the calibration, if it is checked, is not known to hold at the moment `now`: it does not, the
+// check is too old or of another calibration, it does not have each view of the database once, or
+// its limit exceeds the database's margin. Empty: it holds, or is not checked.
+std::string CalibrationDoubt(const Served& served, const Moment& now);
+
+// kCalibrationDoubtful if there is such a doubt; kNone else.
 Reason CalibrationReason(const Served& served, const Moment& now);
 
 // Why no verdict can rest on `served` at the moment `now`, whatever the policy; kNone if some can

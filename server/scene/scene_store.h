@@ -10,6 +10,7 @@
 #include <mutex>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -25,8 +26,12 @@ struct CalibrationTrust {
   // The calibration that was checked (FingerprintOf in calib/files/calibration_message.h). It tells
   // nothing of another.
   std::string fingerprint;
-  // The moment of the running clock (clock.h) from which on the check is too old.
+  // The moment of the running clock (clock.h) from which on the check is older than `max_age`.
   absl::Duration until = absl::InfiniteDuration();
+  absl::Duration max_age = absl::InfiniteDuration();
+  // Each view that was checked, and how far it may have moved, in mask pixels.
+  std::vector<std::string> views = {};
+  double limit = 0;
   // What was found, or why it is not known.
   std::string message;
 };

@@ -166,6 +166,8 @@ class ServedDatabase {
   // Which calibration it is (FingerprintOf in calib/files/calibration_message.h); empty where there
   // is none.
   const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
+  // CalibrationSettings::margin, with which it is served.
+  double calibration_margin() const { return calibration_margin_; }
 
   // The calibration, and the epipolar lines that follow from it; null where there is none.
   const Calibration* calibration() const { return calibration_ ? &*calibration_ : nullptr; }
@@ -200,6 +202,7 @@ class ServedDatabase {
     std::vector<Outline> outlines;
     std::optional<Calibration> calibration;
     std::string calibration_fingerprint;
+    double calibration_margin = 0;
     std::shared_ptr<const EpipolarBands> bands;
     ViewTreatments treatments;
     std::shared_ptr<DatabaseDamage> damage = std::make_shared<DatabaseDamage>();
@@ -240,6 +243,7 @@ class ServedDatabase {
   std::vector<Outline> outlines_;
   std::optional<Calibration> calibration_;
   std::string calibration_fingerprint_;
+  double calibration_margin_;
   std::shared_ptr<const EpipolarBands> bands_;
   ViewTreatments treatments_;
   std::shared_ptr<const SoundBasis> sound_;

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/live/live_record.h"
+#include "server/scene/checker.h"
 
 namespace silhouette {
 
@@ -42,9 +43,9 @@ std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
   if (blocked == Reason::kDatabaseDamaged) {
     defects.push_back({blocked, served.database->damage().what()});
   }
-  if (blocked == Reason::kCalibrationDoubtful && served.trust != nullptr) {
-    defects.push_back(
-        {blocked, absl::StrCat("the calibration is not confirmed: ", served.trust->message)});
+  if (blocked == Reason::kCalibrationDoubtful) {
+    defects.push_back({blocked, absl::StrCat("the calibration is not confirmed: ",
+                                             CalibrationDoubt(served, now))});
   }
   return defects;
 }

@@ -250,14 +250,10 @@ class Databases final : public DatabaseCalls {
                 Served served;
                 served.database = database;
                 served.trust = trust;
-                const bool holds =
-                    CalibrationReason(served, serving_.settings.clock()) == Reason::kNone;
+                const std::string doubt = CalibrationDoubt(served, serving_.settings.clock());
                 v1::CalibrationCheck& check = *response->mutable_calibration_check();
-                check.set_holds(holds);
-                check.set_message(trust->holds && !holds
-                                      ? "the check is too old, or of another calibration: " +
-                                            trust->message
-                                      : trust->message);
+                check.set_holds(doubt.empty());
+                check.set_message(doubt.empty() ? trust->message : doubt);
               }
               return absl::OkStatus();
             }));

@@ -6,6 +6,7 @@
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
+#include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
 #include <grpcpp/ext/proto_server_reflection_plugin.h>
@@ -52,8 +53,10 @@ class HealthReport : public Watcher {
     Report("silhouette.v1.Database", !serving_.scenes.database()->damage().found());
     if (serving_.settings.trust != nullptr) {
       const Moment now = serving_.settings.clock();
-      Report("silhouette.v1.Calibration",
-             CalibrationReason(serving_.scenes.Newest(now), now) == Reason::kNone);
+      const Served served = serving_.scenes.Newest(now);
+      const std::string doubt = CalibrationDoubt(served, now);
+      LogDoubt(served.trust, doubt);
+      Report("silhouette.v1.Calibration", doubt.empty());
     }
     if (serving_.settings.live == nullptr) return;
     const LiveStatus status = serving_.settings.live->StatusOfDevices();
@@ -65,6 +68,15 @@ class HealthReport : public Watcher {
   void End() override {}
 
  private:
+  // A check that held when it was read (CalibrationWatch logs that) may be too old by now, or not
+  // of the database that is served: one line when that begins.
+  void LogDoubt(const std::shared_ptr<const CalibrationTrust>& trust, const std::string& doubt) {
+    const bool is_doubted = trust != nullptr && trust->holds && !doubt.empty();
+    const std::string doubted = is_doubted ? trust->message + trust->fingerprint : "";
+    if (std::exchange(doubted_, doubted) == doubted || !is_doubted) return;
+    spdlog::warn("presets that rest on the calibration are unknown: {}", doubt);
+  }
+
   void Report(const std::string& service, bool serving) {
     const auto [reported, is_new] = reported_.emplace(service, serving);
     if (!is_new && std::exchange(reported->second, serving) == serving) return;
@@ -75,6 +87,7 @@ class HealthReport : public Watcher {
   grpc::HealthCheckServiceInterface& health_;
   std::mutex mutex_;
   std::map<std::string, bool> reported_;
+  std::string doubted_;  // which check
 };
 
 // Time-outs and bounds of connections, and of what they may send.

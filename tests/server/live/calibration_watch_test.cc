@@ -46,6 +46,9 @@ TEST_F(CalibrationWatchTest, AGoodCheckHoldsUntilItIsTooOld) {
   EXPECT_TRUE(trust.holds);
   EXPECT_EQ(trust.fingerprint, "0123456789abcdef");
   EXPECT_EQ(trust.until, absl::Seconds(500) + absl::Minutes(40));
+  EXPECT_EQ(trust.max_age, absl::Hours(1));
+  EXPECT_EQ(trust.views, std::vector<std::string>{"top"});
+  EXPECT_EQ(trust.limit, 0.2);
 }
 
 TEST_F(CalibrationWatchTest, AnOldOneIsOverAtOnce) {

@@ -14,8 +14,6 @@
 namespace silhouette {
 namespace {
 
-using ::testing::HasSubstr;
-
 struct CalibrationTrustTest : ::testing::Test {
   std::shared_ptr<const ServedDatabase> database = NewDatabase({.calibration = TestCalibration()});
   TestServer server{database, Settings(Holding())};
@@ -25,6 +23,7 @@ struct CalibrationTrustTest : ::testing::Test {
     trust.holds = true;
     trust.fingerprint = database->calibration_fingerprint();
     trust.message = "no view moved";
+    trust.views = {"left", "right", "top"};
     return trust;
   }
   CalibrationTrust Drifted() const {
@@ -82,6 +81,16 @@ struct CalibrationTrustTest : ::testing::Test {
     EXPECT_EQ(server.CheckOne(At(1, 0), Uncalibrated()).state(), v1::Verdict::STATE_FREE);
     EXPECT_FALSE(Told().holds());
   }
+
+  // The same, and why, in GetDatabase and in the defects of a verdict.
+  void ExpectDoubt(const CalibrationTrust& trust, const std::string& why) {
+    Tell(trust);
+    ExpectOnlyDoubt();
+    EXPECT_EQ(Told().message(), why);
+    const auto defects = server.Explain(At(1, 0)).basis().defects();
+    ASSERT_EQ(defects.size(), 1);
+    EXPECT_EQ(defects[0].message(), "the calibration is not confirmed: " + why);
+  }
 };
 
 TEST_F(CalibrationTrustTest, ThatHoldsIsServed) {
@@ -113,7 +122,11 @@ TEST_F(CalibrationTrustTest, ACheckOfAnotherCalibrationIsNeverFree) {
   trust.fingerprint = "0000000000000000";
   Tell(trust);
   ExpectOnlyDoubt();
-  EXPECT_THAT(Told().message(), HasSubstr("of another calibration"));
+  EXPECT_EQ(Told().message(),
+            absl::StrCat("the check is of another calibration, 0000000000000000, than the database "
+                         "has, ",
+                         database->calibration_fingerprint(),
+                         "; run 'silhouette-calibrate check' again with this database"));
   trust.fingerprint.clear();
   Tell(trust);
   ExpectOnlyDoubt();
@@ -128,6 +141,56 @@ TEST_F(CalibrationTrustTest, ACheckThatIsTooOldIsNeverFree) {
   EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
   server.clock.Advance(absl::Milliseconds(1));
   ExpectOnlyDoubt();
+}
+
+TEST_F(CalibrationTrustTest, ACheckThatIsTooOldSaysHowOld) {
+  CalibrationTrust trust = Holding();
+  trust.until = absl::Milliseconds(500);
+  trust.max_age = absl::Seconds(6);
+  server.clock.Advance(absl::Milliseconds(750));
+  server.Publish(EmptyCellScene());
+  ExpectDoubt(trust,
+              "the check is 6.25s old; calibration_check: max_age is 6s; run "
+              "'silhouette-calibrate check' again");
+}
+
+TEST_F(CalibrationTrustTest, ACheckThatDoesNotHaveEachViewOnceIsNeverFree) {
+  server.Publish(EmptyCellScene());
+  CalibrationTrust trust = Holding();
+  trust.views = {"top", "left"};
+  ExpectDoubt(trust, "the check lacks view 'right'; run 'silhouette-calibrate check' again");
+  trust.views = {"top", "left", "top"};
+  ExpectDoubt(trust, "the check lacks view 'right'; run 'silhouette-calibrate check' again");
+  trust.views = {"top", "left", "right", "top"};
+  ExpectDoubt(trust,
+              "the check has view 'top' more than once; run 'silhouette-calibrate check' again");
+  trust.views = {"top", "left", "right", "rear"};
+  ExpectDoubt(trust,
+              "the check has view 'rear', which the database does not have; run "
+              "'silhouette-calibrate check' again");
+  Tell(Holding());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+}
+
+TEST_F(CalibrationTrustTest, ACheckIsOfTheViewsOfTheDatabaseThatIsServedNow) {
+  storage::v1::CellDescription renamed = ServerTestCell();
+  renamed.mutable_views(0)->set_name("rear");
+  server.server->ReplaceDatabase(NewDatabase({.cell = renamed, .calibration = TestCalibration()}));
+  ASSERT_EQ(server.GetDatabase().calibration_check().message(),
+            "the check lacks view 'rear'; run 'silhouette-calibrate check' again");
+  CalibrationTrust trust = Holding();
+  std::ranges::replace(trust.views, std::string(kViewNames[0]), std::string("rear"));
+  Tell(trust);
+  EXPECT_TRUE(Told().holds());
+}
+
+TEST_F(CalibrationTrustTest, ACheckThatLetViewsMoveByMoreThanTheMarginIsNeverFree) {
+  server.Publish(EmptyCellScene());
+  CalibrationTrust trust = Holding();
+  trust.limit = 100;
+  ExpectDoubt(trust,
+              "the check let views move by 100.00 mask px, more than calibration: margin, 0.00; "
+              "run 'silhouette-calibrate check' again with a smaller --limit");
 }
 
 TEST_F(CalibrationTrustTest, ItsHealthFollowsTheCheckTheTimeAndTheDatabase) {

@@ -232,6 +232,9 @@ TEST_F(SeparationServiceTest, NoLevelOutlastsTheCheckOfTheCalibrationThatItRests
   CalibrationTrust trust;
   trust.holds = true;
   trust.fingerprint = database->calibration_fingerprint();
+  for (int view = 0; view < database->views(); ++view) {
+    trust.views.push_back(database->view_name(view));
+  }
   trust.until = server.clock.clock()().running + absl::Milliseconds(100);
   server.server->SetTrust(std::make_shared<const CalibrationTrust>(trust));
   EXPECT_EQ(AskAway().separation().valid_for().nanos(), 100'000'000);

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -215,6 +216,21 @@ TEST(CheckFile, WhatIsNotKnownDoesNotHold) {
   EXPECT_FALSE(CheckFromText(CheckFileText(check), "f")->Holds());
   check.views[0].checked = false;
   EXPECT_FALSE(CheckFromText(CheckFileText(check), "f")->Holds());
+  view.checked = true;
+  for (const double impossible : {-0.5, std::numeric_limits<double>::infinity()}) {
+    view.moved_mask_px = impossible;
+    EXPECT_FALSE(CheckFromText(CheckFileText(check), "f").ok());
+  }
+  view.moved_mask_px = -0.5;
+  EXPECT_EQ(CheckFromText(CheckFileText(check), "f").status().message(),
+            "'f': view 'top' cannot have moved by -0.5 px");
+  view.moved_mask_px = 0;
+  check.limit_mask_px = -1;
+  EXPECT_FALSE(CheckFromText(CheckFileText(check), "f").ok());
+  check.limit_mask_px = 1;
+  std::string doubtful = CheckFileText(check);
+  doubtful.replace(doubtful.find("true"), 4, "false");  // the file's own "holds", its first
+  EXPECT_FALSE(CheckFromText(doubtful, "f").ok());
   EXPECT_FALSE(CheckFromText("{}", "f").ok());
   EXPECT_FALSE(CheckFromText("{\"check\": 2}", "f").ok());
   EXPECT_FALSE(CheckFromText("", "f").ok());
