@@ -312,6 +312,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   scene.skew = newest - scene.oldest.running;
   // A stamp of a clock that is a little ahead makes no image younger than its arrival.
   scene.oldest.running = std::min(scene.oldest.running, arrived.running);
+  scene.newest = std::min(newest, arrived.running);
   if (variant == nullptr) {
     robot.covers.clear();
     robot.defects.insert(robot.defects.begin(),

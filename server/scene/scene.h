@@ -85,8 +85,11 @@ struct Scene {
   ObstacleImages obstacle_images;
   // The same without safety margins: what the views really show, and allowed regions act on.
   ObstacleImages without_margins;
-  // When the oldest image was taken; never after it arrived. Scenes are ordered by it.
+  // When the oldest image was taken; never after it arrived. The scene is as old as that.
   Moment oldest;
+  // When the newest image was taken, by the running clock; never after it arrived. Scenes are
+  // ordered by it.
+  absl::Duration newest;
   // Time from the oldest to the newest image.
   absl::Duration skew;
   // When it arrived.

@@ -21,6 +21,15 @@ void ForgetVariant(Scene& scene, const std::string& why) {
   scene.defects.insert(scene.defects.begin(), {Reason::kVariantUnknown, why});
 }
 
+// By how much a scene is older than the one that is served. Its newest image counts: late images of
+// some views do not keep away what the others show now. Only between scenes whose newest images are
+// equally new, the oldest count.
+absl::Duration OlderBy(const Scene& scene, const Scene& served) {
+  const absl::Duration older = served.newest - scene.newest;
+  if (absl::AbsDuration(older) > kClockJitter) return older;
+  return served.oldest.running - scene.oldest.running;
+}
+
 }  // namespace
 
 absl::StatusOr<Served> WithVariant(Served served, const std::string& name) {
@@ -49,7 +58,7 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
         "the database was replaced while the scene was being made; publish it again");
   }
   if (!scenes_.empty()) {
-    const absl::Duration older = scenes_.back()->oldest.running - scene.oldest.running;
+    const absl::Duration older = OlderBy(scene, *scenes_.back());
     if (older > kClockJitter) {
       return absl::FailedPreconditionError(
           absl::StrCat("the images are ", absl::FormatDuration(older),
@@ -192,7 +201,9 @@ absl::Duration SceneStore::LongestGap() const {
   if (scenes_.size() < 2) return absl::InfiniteDuration();
   absl::Duration longest;
   for (size_t i = 1; i < scenes_.size(); ++i) {
-    longest = std::max(longest, scenes_[i]->oldest.running - scenes_[i - 1]->oldest.running);
+    const Scene &former = *scenes_[i - 1], &next = *scenes_[i];
+    longest = std::max(
+        {longest, next.newest - former.newest, next.oldest.running - former.oldest.running});
   }
   return longest;
 }

@@ -66,8 +66,8 @@ class SceneStore {
   explicit SceneStore(std::shared_ptr<const ServedDatabase> database, size_t kept = kKept);
 
   // Gives the scene its id and makes it the newest. `database`: what it was made with.
-  // FailedPrecondition if its oldest image is older than that of the newest scene, by more than
-  // kClockJitter. Aborted if the
+  // FailedPrecondition if its newest image is older than that of the newest scene, by more than
+  // kClockJitter, or is that image and its oldest is older than that scene's. Aborted if the
   // database has been replaced since the scene was made.
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database);
@@ -117,7 +117,7 @@ class SceneStore {
   bool Revoked(const RegionSet& regions) const;
 
   // The longest that a scene was the newest, of those that are kept: between its oldest image and
-  // that of the next. Infinite while there are fewer than two.
+  // that of the next, or their newest if that is longer. Infinite while there are fewer than two.
   absl::Duration LongestGap() const;
 
   // A scene as it was published, by its id, 0 for the newest; null if there is none, or no longer.

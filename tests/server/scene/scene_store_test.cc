@@ -57,6 +57,29 @@ TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
   EXPECT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok()) << "equally old";
 }
 
+TEST(SceneStore, NewerImagesAreServedThoughAnotherViewsImageIsLate) {
+  const auto database = NewDatabase();
+  SceneStore store(database);
+  const auto publish = [&](std::vector<absl::Duration> taken) {
+    SceneInput input = EmptyCellScene();
+    for (size_t view = 0; view < 3; ++view) {
+      input.views[view].captured = MomentOf(kStart + taken[view], kSceneStoreNow);
+    }
+    return store.Publish(*MakeScene(*database, input, {}, {}, kSceneStoreNow), database);
+  };
+  const auto ms = [](int count) { return absl::Milliseconds(count); };
+  ASSERT_TRUE(publish({ms(-400), ms(-400), ms(-400)}).ok());
+  const auto late = publish({ms(-200), ms(-200), ms(-700)});
+  ASSERT_TRUE(late.ok()) << late.status();
+  EXPECT_EQ((*late)->Blocked(), Reason::kSceneSkewed);
+  EXPECT_EQ((*late)->AgeAt(kSceneStoreNow), ms(700));
+  EXPECT_TRUE(publish({ms(-200), ms(-200), ms(-200)}).ok()) << "the late image has come";
+  EXPECT_TRUE(absl::IsFailedPrecondition(publish({ms(-300), ms(-250), ms(-250)}).status()));
+  const auto same = publish({ms(-200), ms(-200), ms(-700)});
+  EXPECT_EQ(same.status().message(),
+            "the images are 500ms older than those of scene 3, which is served");
+}
+
 TEST(SceneStore, WallClockThatIsSetNeitherRefusesNewImagesNorMakesOldOnesYoung) {
   for (const double step : {-60.0, -5.0, 5.0, 60.0}) {
     const auto database = NewDatabase();
