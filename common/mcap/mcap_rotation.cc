@@ -90,6 +90,7 @@ absl::Status McapRotation::Add(const McapMessage& message) {
   writer_->Add(message);
   newest_ = std::max(newest_, message.logged);
   waiting_ += message.data.size();
+  ++unwritten_;
   return status;
 }
 
@@ -97,16 +98,16 @@ absl::Status McapRotation::Flush() {
   if (writer_ == nullptr) return absl::OkStatus();
   const absl::Status status = writer_->Flush();
   failed_ = !status.ok();
-  if (status.ok()) waiting_ = 0;
+  if (status.ok()) waiting_ = unwritten_ = 0;
   return status;
 }
 
 absl::Status McapRotation::Close() {
   if (writer_ == nullptr) return absl::OkStatus();
+  RETURN_IF_ERROR(Flush());
   const absl::Status status = writer_->Close();
   failed_ = !status.ok();
   RETURN_IF_ERROR(status);
-  waiting_ = 0;
   writer_.reset();
   return absl::OkStatus();
 }

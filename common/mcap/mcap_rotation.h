@@ -48,6 +48,8 @@ class McapRotation {
 
   // How many messages were lost to a disk that took nothing.
   uint64_t lost() const { return lost_; }
+  // How many wait for a disk that takes nothing: after a last Close() that failed, they are lost.
+  uint64_t unwritten() const { return unwritten_; }
   // The newest file; empty: none yet.
   const std::string& path() const { return path_; }
 
@@ -69,6 +71,7 @@ class McapRotation {
   uint64_t waiting_ = 0;            // bytes added since the last Flush that succeeded
   uint64_t lost_ = 0;
   bool failed_ = false;  // the last write; only the next Flush() tries again
+  uint64_t unwritten_ = 0;
 };
 
 // Keeps the messages around events: those of `before` in memory, and from an event on for `after`

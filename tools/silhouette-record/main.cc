@@ -171,7 +171,7 @@ class Program {
     if (!closed.ok()) Note("disk", absl::StrCat(closed.message(), "; the file has no index"));
     scenes_ += recorder_->scenes();
     missed_ += recorder_->missed_scenes();
-    lost_ += recorder_->lost();
+    lost_ += recorder_->lost() + recorder_->unwritten();
     if (!recorder_->path().empty()) path_ = recorder_->path();
     if (!recorder_->stop_path().empty()) path_of_stop_ = recorder_->stop_path();
     recorder_.reset();
@@ -189,7 +189,7 @@ class Program {
                          {"stop_file", path_of_stop_}})
                        .dump()
                 << std::endl;
-      return kDone;
+      return lost_ > 0 ? kWorldFailed : kDone;
     }
     std::cout << scenes_ << " scenes, " << stops_ << (stops_ == 1 ? " stop" : " stops");
     if (missed_ > 0) std::cout << ", " << missed_ << " scenes missed";
@@ -198,7 +198,7 @@ class Program {
       if (!file.empty()) std::cout << "; " << file;
     }
     std::cout << std::endl;
-    return kDone;
+    return lost_ > 0 ? kWorldFailed : kDone;
   }
 
   const Client client_;

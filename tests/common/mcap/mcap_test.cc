@@ -173,21 +173,36 @@ TEST_F(McapTest, ExistingFileIsKept) {
   EXPECT_THAT(ReadFile(path).data, SizeIs(4));
 }
 
+// While it lives, no file can grow beyond the size, as on a full disk.
+class FilesEndAt {
+ public:
+  explicit FilesEndAt(uint64_t size) {
+    getrlimit(RLIMIT_FSIZE, &old_);
+    const rlimit full{size, old_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &full);
+  }
+  ~FilesEndAt() {
+    setrlimit(RLIMIT_FSIZE, &old_);
+    std::signal(SIGXFSZ, handler_);
+  }
+
+ private:
+  void (*handler_)(int) = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old_{};
+};
+
 TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
   const std::string path = folder_ / "full.mcap";
   auto writer = *McapWriter::Create(path, kChannels);
   writer->Add(At(0, "before"));
   ASSERT_TRUE(writer->Flush().ok());
   const uint64_t size = std::filesystem::file_size(path);
-  rlimit old{};
-  getrlimit(RLIMIT_FSIZE, &old);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit full{size + 20, old.rlim_max};
-  setrlimit(RLIMIT_FSIZE, &full);
   writer->Add(At(1, "meanwhile"));
-  const absl::Status status = writer->Flush();
-  setrlimit(RLIMIT_FSIZE, &old);
-  std::signal(SIGXFSZ, handler);
+  absl::Status status;
+  {
+    const FilesEndAt full(size + 20);
+    status = writer->Flush();
+  }
   EXPECT_FALSE(status.ok());
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));
   EXPECT_EQ(std::filesystem::file_size(path), size);
@@ -196,6 +211,24 @@ TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
   const Read read = ReadFile(path);
   EXPECT_TRUE(read.status.ok() && !read.cut);
   EXPECT_THAT(read.data, ElementsAre("before", "meanwhile", "after"));
+}
+
+TEST_F(McapTest, WhatWaitsForAFullDiskAtTheEndIsCounted) {
+  McapRotation files({folder_, "r", 100'000, 3}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  ASSERT_TRUE(files.Add(At(0, "before")).ok());
+  EXPECT_EQ(files.unwritten(), 1u);
+  ASSERT_TRUE(files.Flush().ok());
+  EXPECT_EQ(files.unwritten(), 0u);
+  ASSERT_TRUE(files.Add(At(1, "meanwhile")).ok());
+  ASSERT_TRUE(files.Add(At(2, "meanwhile")).ok());
+  {
+    const FilesEndAt full(std::filesystem::file_size(files.path()) + 20);
+    EXPECT_FALSE(files.Close().ok());
+  }
+  EXPECT_EQ(files.unwritten(), 2u);
+  EXPECT_EQ(files.lost(), 0u);
+  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("before"));
 }
 
 TEST_F(McapTest, FilesHaveABoundedSizeAndTheOldestMakeRoom) {
