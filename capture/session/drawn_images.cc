@@ -12,18 +12,6 @@
 namespace silhouette {
 namespace {
 
-uint64_t ConfigurationsOf(const storage::v1::DrawnImages& drawn, const ConfigurationGrid& grid) {
-  if (drawn.shards() < 2) return grid.size();
-  uint64_t count = 0;
-  for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
-    if (!HasTile(drawn, tile)) continue;
-    for (uint64_t place = 0; place < kTileSize; ++place) {
-      count += grid.Contains(tile * kTileSize + place) ? 1 : 0;
-    }
-  }
-  return count;
-}
-
 // One run of DrawInto.
 class GridDrawing {
  public:
@@ -43,7 +31,7 @@ class GridDrawing {
                 },
                 settings_.most_threads);
     for (const RobotImage& image : images) {
-      RETURN_IF_ERROR(writer_.Put(image));
+      RETURN_IF_ERROR(writer_.Put(image, /*replace=*/true));
       ++report_.drawn;
       report_.excluded += image.excluded ? 1 : 0;
     }
@@ -51,15 +39,20 @@ class GridDrawing {
   }
 
  private:
-  // The configurations of the tile without a record.
+  // The configurations of the tile without a record, or with a damaged one.
   absl::StatusOr<std::vector<ConfigurationNumber>> MissingOf(uint64_t tile) {
     ASSIGN_OR_RETURN(const Snapshot snapshot, database_.Read());
     std::vector<ConfigurationNumber> missing;
     for (ConfigurationNumber number = tile * kTileSize; number < (tile + 1) * kTileSize; ++number) {
       if (!database_.grid().Contains(number)) continue;
-      ASSIGN_OR_RETURN(const bool there, snapshot.Contains(number));
-      if (!there) missing.push_back(number);
-      report_.kept += there ? 1 : 0;
+      const auto there = snapshot.Find(number);
+      if (!there.ok() && !absl::IsDataLoss(there.status())) return there.status();
+      report_.damaged += there.ok() ? 0 : 1;
+      if (there.ok() && *there) {
+        ++report_.kept;
+      } else {
+        missing.push_back(number);
+      }
     }
     return missing;
   }

@@ -43,18 +43,19 @@ struct DrawSettings {
 
 struct DrawReport {
   uint64_t configurations = 0;  // that the database is to have
-  uint64_t kept = 0;            // that it had
+  uint64_t kept = 0;            // that it had, undamaged
   uint64_t drawn = 0;           // excluded ones included
+  uint64_t damaged = 0;         // that it had damaged: drawn anew
   uint64_t excluded = 0;        // of the drawn
   bool stopped = false;
 
   bool complete() const { return kept + drawn == configurations; }
 };
 
-// Draws what the variant lacks of the configurations that `drawn` says it has, and commits it tile
-// by tile. What is committed stays whatever happens afterwards: the same call goes on. Needs
-// kWrite. The same configuration gives the same record, byte by byte. The collision index is not
-// built. FailedPrecondition: Database::SetDrawnImages. ResourceExhausted: the disk is full.
+// Draws what the variant lacks, or has damaged, of the configurations that `drawn` says it has, and
+// commits it tile by tile. What is committed stays whatever happens afterwards: the same call goes
+// on. Needs kWrite. The same configuration gives the same record, byte by byte. The collision index
+// is not built. FailedPrecondition: Database::SetDrawnImages. ResourceExhausted: the disk is full.
 absl::StatusOr<DrawReport> DrawInto(Database& database, const storage::v1::DrawnImages& drawn,
                                     const DrawMasks& draw, const DrawSettings& settings);
 

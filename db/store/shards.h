@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "db/mask/configuration_grid.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
@@ -17,6 +18,9 @@ namespace silhouette {
 inline bool HasTile(const storage::v1::DrawnImages& drawn, uint64_t tile) {
   return drawn.shards() < 2 || tile % drawn.shards() == drawn.shard();
 }
+
+// How many configurations of the grid it has.
+uint64_t ConfigurationsOf(const storage::v1::DrawnImages& drawn, const ConfigurationGrid& grid);
 
 // "3 of 8": which shard it is, counted from 0.
 std::string NameOfShard(const storage::v1::DrawnImages& drawn);

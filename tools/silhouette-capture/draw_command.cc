@@ -175,6 +175,7 @@ absl::StatusOr<DrawReport> DrawKinds(const DrawOptions& options, Database& datab
     all.configurations += report.configurations;
     all.kept += report.kept;
     all.drawn += report.drawn;
+    all.damaged += report.damaged;
     all.excluded += report.excluded;
     all.stopped = report.stopped;
     if (all.stopped) break;
@@ -235,6 +236,7 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
                                  {"configurations", report.configurations},
                                  {"drawn", report.drawn},
                                  {"kept", report.kept},
+                                 {"damaged", report.damaged},
                                  {"excluded", report.excluded},
                                  {"digest", drawn.digest()},
                                  {"verified", verified.unverified.empty()},
@@ -245,6 +247,9 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
       "there already      %d\n",
       report.configurations, drawn.shards() > 1 ? absl::StrCat(", shard ", NameOfShard(drawn)) : "",
       report.drawn, report.excluded, Spoken(absl::Now() - start), report.kept);
+  if (report.damaged > 0) {
+    absl::StrAppend(&text, "damaged            ", report.damaged, ", drawn anew\n");
+  }
   const bool complete = index && !index->stopped;
   if (index) {
     json["collision_index"] = IndexJson(*index);

@@ -6,6 +6,8 @@
 
 #include <atomic>
 
+#include "common/picture/files.h"
+#include "db/store/robot_image_format.h"
 #include "db/store/shards.h"
 #include "tests/db/store/test_cell.h"
 
@@ -84,6 +86,31 @@ TEST_F(DrawIntoTest, WhatWasDrawnBeforeAnInterruptionIsKept) {
   const auto whole = New("b");
   ASSERT_TRUE(DrawInto(*whole, DrawnBy(0, 1), Draw(), {.program = "test"}).ok());
   EXPECT_EQ(ContentWithoutTimes(*database), ContentWithoutTimes(*whole));
+}
+
+TEST_F(DrawIntoTest, ADamagedRecordIsDrawnAnew) {
+  RobotImage image;
+  {
+    const auto database = New("a");
+    ASSERT_TRUE(DrawInto(*database, DrawnBy(0, 1), Draw(), {.program = "test"}).ok());
+    image = **database->Read()->Find(5);
+  }
+  const std::string value = EncodeRobotImage(image), file = folder / "a" / "data.mdb";
+  std::string bytes = ReadWholeFile(file).value();
+  const size_t at = bytes.find(value);
+  ASSERT_NE(at, std::string::npos);
+  bytes[at + value.size() / 2] ^= 1;
+  ASSERT_TRUE(WriteWholeFile(file, bytes).ok());
+  const auto database = Database::Open(folder / "a", Database::Access::kWrite).value();
+  ASSERT_FALSE(database->Read()->Find(5).ok());
+  const auto mended = DrawInto(*database, DrawnBy(0, 1), Draw(), {.program = "test"});
+  ASSERT_TRUE(mended.ok()) << mended.status();
+  EXPECT_TRUE(mended->complete());
+  EXPECT_EQ(mended->damaged, 1u);
+  EXPECT_EQ(mended->drawn, 1u);
+  const auto read = database->Read()->Find(5);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ((*read)->masks, image.masks);
 }
 
 TEST_F(DrawIntoTest, ShardsHaveEachConfigurationOnceInWholeTiles) {
