@@ -15,6 +15,7 @@
 #include "db/store/environment.h"
 #include "db/store/robot_image_format.h"
 #include "db/store/schema.h"
+#include "db/store/shards.h"
 #include "db/store/tile_value.h"
 #include "tests/db/store/raw_values.h"
 #include "tests/db/store/test_cell.h"
@@ -217,6 +218,42 @@ TEST_F(SilhouetteDb, VerifyIsContentWithACompleteDatabase) {
   const Ended outcome = Run("verify db");
   EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.out, AllOf(HasSubstr("0 damaged, 0 missing: sound")));
+}
+
+TEST_F(SilhouetteDb, VerifyMissesNoRobotImagesThatAreDrawnWhenServed) {
+  const std::string path = folder_ / "db";
+  const auto database = Database::Create(path, TestCell(6, 5)).value();
+  EXPECT_THAT(Run("verify db").out, HasSubstr("30 of 30 configurations are missing"));
+  ASSERT_TRUE(database->SetVerification(storage::v1::ModelVerification(), "test").ok());
+  const Ended drawn = Run("verify db");
+  EXPECT_EQ(drawn.exit_code, 0) << drawn.out;
+  EXPECT_THAT(drawn.out, HasSubstr("0 missing: sound"));
+  // A captured one of them is the first of all.
+  auto writer = database->Write("test");
+  ASSERT_TRUE(writer->Put(TestImage(*database, 0)).ok());
+  ASSERT_TRUE(writer->Commit().ok());
+  EXPECT_THAT(Run("verify db").out, HasSubstr("29 of 30 configurations are missing"));
+}
+
+TEST_F(SilhouetteDb, VerifyMissesOfAShardOnlyItsOwnConfigurations) {
+  const auto database = Database::Create(folder_ / "db", TestCell(90, 130)).value();
+  storage::v1::DrawnImages shard;
+  shard.set_digest("00ff");
+  shard.set_shards(2);
+  shard.set_shard(1);
+  ASSERT_TRUE(database->SetDrawnImages(shard, "test").ok());
+  auto writer = database->Write("test");
+  for (const ConfigurationNumber number : AllNumbers(database->grid())) {
+    if (!HasTile(shard, number / kTileSize)) continue;
+    RobotImage image;
+    image.number = number;
+    image.excluded = true;
+    ASSERT_TRUE(writer->Put(image).ok());
+  }
+  ASSERT_TRUE(writer->Commit().ok());
+  const Ended outcome = Run("verify db");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("0 missing: sound"));
 }
 
 TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
