@@ -34,15 +34,15 @@ class StreamCamera : public CameraSource {
  public:
   using Open = std::function<absl::Status(cv::VideoCapture&)>;
 
-  // `stream` is open; `open` opens it again.
-  StreamCamera(const std::string& view, cv::VideoCapture stream, Open open, absl::Duration latency,
-               absl::Duration timeout)
-      : views_{view},
-        latency_(latency),
-        timeout_(timeout),
-        open_(std::move(open)),
-        stream_(std::move(stream)),
-        reader_([this] { ReadAll(); }) {}
+  StreamCamera(const std::string& view, Open open, absl::Duration latency, absl::Duration timeout)
+      : views_{view}, latency_(latency), timeout_(timeout), open_(std::move(open)) {}
+
+  // Once.
+  absl::Status Start() {
+    RETURN_IF_ERROR(OpenStream());
+    reader_ = std::thread([this] { ReadAll(); });
+    return absl::OkStatus();
+  }
 
   ~StreamCamera() override {
     {
@@ -50,7 +50,7 @@ class StreamCamera : public CameraSource {
       stopping_ = true;
     }
     changed_.notify_all();
-    reader_.join();
+    if (reader_.joinable()) reader_.join();
   }
 
   const std::vector<std::string>& views() const override { return views_; }
@@ -58,7 +58,7 @@ class StreamCamera : public CameraSource {
 
   absl::Status Trigger() override {
     const std::lock_guard lock(mutex_);
-    if (!error_.ok()) return error_;
+    if (!wrong_.ok()) return wrong_;
     asked_ = RunningNow();
     image_.reset();
     return absl::OkStatus();
@@ -67,9 +67,9 @@ class StreamCamera : public CameraSource {
   absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, absl::ToChronoNanoseconds(deadline - RunningNow()),
-                      [&] { return image_.has_value() || !error_.ok(); });
+                      [&] { return image_.has_value() || !wrong_.ok(); });
     asked_.reset();
-    if (!error_.ok()) return error_;
+    if (!wrong_.ok()) return wrong_;
     if (!image_) {
       return absl::DeadlineExceededError(
           absl::StrCat("no image within ", absl::FormatDuration(timeout_)));
@@ -80,28 +80,38 @@ class StreamCamera : public CameraSource {
   }
 
  private:
+  // OpenCV throws if the first image that it converts is smaller than the stream's were at its
+  // opening. It does not tell of a change after that: its size and converter stay as they are.
   void ReadAll() {
     while (!stopping()) {
-      if (!stream_.grab()) {
-        Reopen("its images ended");
-        continue;
+      absl::string_view wrong;
+      try {
+        wrong = Read();
+      } catch (const cv::Exception&) {
+        wrong = "its images cannot be read, or have another size than before";
       }
-      const absl::Time arrived = absl::Now();
-      const absl::Duration now = RunningNow();
-      const absl::Duration late = Late(now);
-      if (late <= latency_ + kInTime) {
-        in_time_ = now;
-      } else if (now - in_time_ > timeout_) {
-        Reopen("its images come late");
-        continue;
-      }
-      if (!Wanted(now - latency_ - late)) continue;
-      cv::Mat image;
-      if (!stream_.retrieve(image) || image.depth() != CV_8U) continue;
-      const std::lock_guard lock(mutex_);
-      image_ = CameraImageOf(image, arrived - latency_ - late);
-      changed_.notify_all();
+      if (!wrong.empty()) Reopen(wrong);
     }
+  }
+
+  // Reads one image. Why the stream must be opened again; empty: it need not.
+  absl::string_view Read() {
+    if (!stream_.grab()) return "its images ended";
+    const absl::Time arrived = absl::Now();
+    const absl::Duration now = RunningNow();
+    const absl::Duration late = Late(now);
+    if (late <= latency_ + kInTime) {
+      in_time_ = now;
+    } else if (now - in_time_ > timeout_) {
+      return "its images come late";
+    }
+    if (!Wanted(now - latency_ - late)) return "";
+    cv::Mat image;
+    if (!stream_.retrieve(image) || image.depth() != CV_8U) return "";
+    const std::lock_guard lock(mutex_);
+    image_ = CameraImageOf(image, arrived - latency_ - late);
+    changed_.notify_all();
+    return "";
   }
 
   bool stopping() {
@@ -127,20 +137,29 @@ class StreamCamera : public CameraSource {
     Tell(absl::UnavailableError(absl::StrCat(why, "; it is being opened again")));
     stream_.release();
     for (;;) {
-      const absl::Status status = open_(stream_);
+      const absl::Status status = OpenStream();
       if (status.ok()) break;
       Tell(status);
       std::unique_lock lock(mutex_);
       if (changed_.wait_for(lock, kReopenPause, [&] { return stopping_; })) return;
     }
+    Tell(absl::OkStatus());
+  }
+
+  absl::Status OpenStream() {
+    try {
+      RETURN_IF_ERROR(open_(stream_));
+    } catch (const cv::Exception& error) {
+      return absl::UnavailableError(absl::StrCat("its images cannot be read: ", error.err));
+    }
     lateness_ = {};
     in_time_ = RunningNow();
-    Tell(absl::OkStatus());
+    return absl::OkStatus();
   }
 
   void Tell(const absl::Status& status) {
     const std::lock_guard lock(mutex_);
-    error_ = status;
+    wrong_ = status;
     changed_.notify_all();
   }
 
@@ -157,7 +176,7 @@ class StreamCamera : public CameraSource {
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   bool stopping_ = false;
-  absl::Status error_;                   // why there are no images just now
+  absl::Status wrong_;                   // why there are no images just now
   std::optional<absl::Duration> asked_;  // since when an image is waited for
   std::optional<CameraImage> image_;
 
@@ -168,9 +187,9 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view
                                                          StreamCamera::Open open,
                                                          absl::Duration latency,
                                                          absl::Duration timeout) {
-  cv::VideoCapture stream;
-  RETURN_IF_ERROR(open(stream));
-  return std::make_unique<StreamCamera>(view, std::move(stream), std::move(open), latency, timeout);
+  auto camera = std::make_unique<StreamCamera>(view, std::move(open), latency, timeout);
+  RETURN_IF_ERROR(camera->Start());
+  return camera;
 }
 
 // rtsp://user:password@host/path without user and password.
