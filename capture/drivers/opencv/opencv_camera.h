@@ -22,8 +22,8 @@ namespace silhouette {
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& view, int width,
                                                              int height, const V4l2Source& source);
 
-// The same for a stream; Unavailable: there is none at the URL. It is opened again if
-// it ends.
+// The same for a stream; Unavailable: there is none at the URL. It is opened again if it ends.
+// `captured` is earlier by the round trip to its host, too.
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
                                                              const RtspSource& source);
 

@@ -20,6 +20,7 @@
 #include "capture/devices/lateness.h"
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "capture/drivers/opencv/rtsp_round_trip.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -29,13 +30,20 @@ namespace {
 constexpr absl::Duration kInTime = absl::Milliseconds(100);
 // Between two attempts to open a stream again.
 constexpr std::chrono::milliseconds kReopenPause(500);
+// Between two measurements of the round trip; a delay that sets in may be underestimated by a
+// thousandth of it (see Lateness).
+constexpr absl::Duration kMeasureAgain = absl::Seconds(30);
+// An RTSP stream is opened by OPTIONS, DESCRIBE, SETUP and PLAY, one after the other's answer.
+constexpr int kRoundTripsOfOpening = 4;
 
 class StreamCamera : public CameraSource {
  public:
   using Open = std::function<absl::Status(cv::VideoCapture&)>;
 
-  StreamCamera(const std::string& view, Open open, absl::Duration latency, absl::Duration timeout)
-      : views_{view}, latency_(latency), timeout_(timeout), open_(std::move(open)) {}
+  // `url`: of a stream from the network; empty: it is none.
+  StreamCamera(const std::string& view, Open open, const std::string& url, absl::Duration latency,
+               absl::Duration timeout)
+      : views_{view}, latency_(latency), timeout_(timeout), url_(url), open_(std::move(open)) {}
 
   // Once.
   absl::Status Start() {
@@ -96,20 +104,22 @@ class StreamCamera : public CameraSource {
 
   // Reads one image. Why the stream must be opened again; empty: it need not.
   absl::string_view Read() {
+    if (RunningNow() > measure_at_ && !MeasureRoundTrip()) return "its host does not answer";
     if (!stream_.grab()) return "its images ended";
     const absl::Time arrived = absl::Now();
     const absl::Duration now = RunningNow();
-    const absl::Duration late = Late(now);
-    if (late <= latency_ + kInTime) {
+    const absl::Duration held_up = HeldUp(now);
+    if (held_up <= latency_ + kInTime) {
       in_time_ = now;
     } else if (now - in_time_ > timeout_) {
       return "its images come late";
     }
-    if (!Wanted(now - latency_ - late)) return "";
+    const absl::Duration age = latency_ + held_up + round_trip_;
+    if (!Wanted(now - age)) return "";
     cv::Mat image;
     if (!stream_.retrieve(image) || image.depth() != CV_8U) return "";
     const std::lock_guard lock(mutex_);
-    image_ = CameraImageOf(image, arrived - latency_ - late);
+    image_ = CameraImageOf(image, arrived - age);
     changed_.notify_all();
     return "";
   }
@@ -119,9 +129,9 @@ class StreamCamera : public CameraSource {
     return stopping_;
   }
 
-  // How long the image that was read last was held up: 0 if the stream has no times, infinite if
-  // that is not known yet.
-  absl::Duration Late(absl::Duration now) {
+  // How much longer than the quickest the image that was read last was held up: 0 if the stream has
+  // no times, infinite if that is not known yet.
+  absl::Duration HeldUp(absl::Duration now) {
     const double sent = stream_.get(cv::CAP_PROP_POS_MSEC);
     if (!(sent > 0)) return absl::ZeroDuration();
     return lateness_.Of(absl::Milliseconds(sent), now).value_or(absl::InfiniteDuration());
@@ -147,14 +157,29 @@ class StreamCamera : public CameraSource {
   }
 
   absl::Status OpenStream() {
+    const absl::Duration begin = RunningNow();
     try {
       RETURN_IF_ERROR(open_(stream_));
     } catch (const cv::Exception& error) {
       return absl::UnavailableError(absl::StrCat("its images cannot be read: ", error.err));
     }
+    const absl::Duration opened = RunningNow();
     lateness_ = {};
-    in_time_ = RunningNow();
+    in_time_ = opened;
+    measure_at_ = absl::InfiniteDuration();
+    round_trip_ = absl::ZeroDuration();
+    if (!url_.empty() && !MeasureRoundTrip()) round_trip_ = (opened - begin) / kRoundTripsOfOpening;
     return absl::OkStatus();
+  }
+
+  // Lateness counts from the quickest image of this stream, which no clock tells the delay of: it
+  // was no more than a round trip at a time when the stream is open. What comes meanwhile piles up.
+  bool MeasureRoundTrip() {
+    const std::optional<absl::Duration> measured = RtspRoundTrip(url_, timeout_);
+    if (!measured) return false;
+    round_trip_ = *measured;
+    measure_at_ = RunningNow() + kMeasureAgain;
+    return true;
   }
 
   void Tell(const absl::Status& status) {
@@ -166,10 +191,13 @@ class StreamCamera : public CameraSource {
   const std::vector<std::string> views_;
   const absl::Duration latency_;
   const absl::Duration timeout_;
+  const std::string url_;
   const Open open_;
 
-  // Of the reader alone.
+  // Of the reader alone, once it runs.
   Lateness lateness_;
+  absl::Duration round_trip_;
+  absl::Duration measure_at_;              // infinite: never, it cannot be measured
   absl::Duration in_time_ = RunningNow();  // when the last image came that was not late
   cv::VideoCapture stream_;
 
@@ -185,18 +213,12 @@ class StreamCamera : public CameraSource {
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view,
                                                          StreamCamera::Open open,
+                                                         const std::string& url,
                                                          absl::Duration latency,
                                                          absl::Duration timeout) {
-  auto camera = std::make_unique<StreamCamera>(view, std::move(open), latency, timeout);
+  auto camera = std::make_unique<StreamCamera>(view, std::move(open), url, latency, timeout);
   RETURN_IF_ERROR(camera->Start());
   return camera;
-}
-
-// rtsp://user:password@host/path without user and password.
-std::string WithoutPassword(const std::string& url) {
-  const size_t begin = url.find("://") + 3;
-  const size_t at = url.find('@', begin);
-  return at == std::string::npos ? url : url.substr(0, begin) + url.substr(at + 1);
 }
 
 // FFmpeg would log every attempt to stderr; statuses report what went wrong. A user who wants
@@ -255,7 +277,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& 
   const auto open = [=](cv::VideoCapture& camera) {
     return OpenDevice(camera, width, height, source);
   };
-  return OpenStream(view, open, source.latency, source.timeout);
+  return OpenStream(view, open, "", source.latency, source.timeout);
 }
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
@@ -272,7 +294,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& 
         absl::StrCat("no images come from ", WithoutPassword(source.url),
                      "; check the address, the network and the camera's user and password"));
   };
-  return OpenStream(view, open, source.latency, source.timeout);
+  return OpenStream(view, open, source.url, source.latency, source.timeout);
 }
 
 std::vector<V4l2Device> FindV4l2Devices() {

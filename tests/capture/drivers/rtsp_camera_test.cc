@@ -9,8 +9,10 @@
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "capture/drivers/opencv/rtsp_round_trip.h"
 #include "capture/sim/served/network_cameras.h"
 #include "tests/capture/drivers/served_cell.h"
+#include "tests/capture/drivers/slow_network.h"
 
 namespace silhouette {
 namespace {
@@ -44,6 +46,11 @@ class RtspCamera : public ServedCell {
     source.latency = absl::Seconds(3);
     source.timeout = absl::Seconds(60);
     return source;
+  }
+
+  int Port() const {
+    const std::string url = cameras_->addresses()[0];
+    return std::stoi(url.substr(url.rfind(':') + 1));
   }
 
   static absl::StatusOr<CameraImage> Take(CameraSource& camera) {
@@ -81,8 +88,7 @@ TEST_F(RtspCamera, ShowsTheCellAsItIsAndNoBufferedImage) {
 TEST_F(RtspCamera, StreamThatBreaksOffIsToldAndOpenedAgain) {
   const auto camera = OpenRtspCamera("top", Top());
   ASSERT_TRUE(camera.ok()) << camera.status();
-  const std::string url = cameras_->addresses()[0];
-  const int port = std::stoi(url.substr(url.rfind(':') + 1));
+  const int port = Port();
   cameras_.reset();
   absl::Status status;
   for (int i = 0; i < 20 && status.ok(); ++i) status = Take(**camera).status();
@@ -97,6 +103,49 @@ TEST_F(RtspCamera, StreamThatBreaksOffIsToldAndOpenedAgain) {
   }
   ASSERT_TRUE(image.ok()) << image.status();
   EXPECT_LT(Difference(*image, Now()), 1.5);
+}
+
+TEST_F(RtspCamera, DelayThatLastsIsNotForgottenWhenTheStreamIsOpenedAgain) {
+  constexpr absl::Duration kDelay = absl::Milliseconds(700);
+  constexpr absl::Duration kDrift = absl::Milliseconds(50);  // the clocks might run apart
+  SlowNetwork network(Port());
+  RtspSource source = Top();
+  source.url = absl::StrCat("rtsp://127.0.0.1:", network.port(), "/top");
+  source.latency = absl::Milliseconds(100);
+  source.timeout = absl::Seconds(8);
+  const auto camera = OpenRtspCamera("top", source);
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  network.Delay(kDelay);
+  absl::SleepFor(absl::Milliseconds(50));
+  bool opened_again = false;
+  int after = 0;
+  const absl::Time end = absl::Now() + absl::Minutes(2);
+  while (after < 5 && absl::Now() < end) {
+    const auto image = Take(**camera);
+    if (!image.ok()) {
+      if (absl::IsUnavailable(image.status())) opened_again = true;
+      absl::SleepFor(absl::Milliseconds(20));
+      continue;
+    }
+    EXPECT_GE(absl::Now() - image->captured, kDelay + source.latency - kDrift) << opened_again;
+    if (opened_again) ++after;
+  }
+  EXPECT_EQ(after, 5);
+}
+
+TEST_F(RtspCamera, RoundTripIsNoLessThanTheDelay) {
+  SlowNetwork network(Port());
+  const std::string place = absl::StrCat("127.0.0.1:", network.port(), "/top");
+  ASSERT_TRUE(RtspRoundTrip("rtsp://" + place, absl::Seconds(30)).has_value());
+  network.Delay(absl::Milliseconds(300));
+  for (const std::string of_user : {"", "me:secret@"}) {
+    const auto measured = RtspRoundTrip("rtsp://" + of_user + place, absl::Seconds(30));
+    ASSERT_TRUE(measured.has_value());
+    EXPECT_GE(*measured, absl::Milliseconds(300));
+  }
+  EXPECT_FALSE(RtspRoundTrip("rtsp://" + place, absl::Milliseconds(100)).has_value())
+      << "no answer";
+  EXPECT_FALSE(RtspRoundTrip("rtsps://" + place, absl::Seconds(30)).has_value()) << "encrypted";
 }
 
 TEST_F(RtspCamera, AddressWithoutAStreamIsToldWithoutThePassword) {
