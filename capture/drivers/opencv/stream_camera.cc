@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <future>
 #include <mutex>
 #include <opencv2/videoio.hpp>
 #include <optional>
@@ -104,7 +105,7 @@ class StreamCamera : public CameraSource {
 
   // Reads one image. Why the stream must be opened again; empty: it need not.
   absl::string_view Read() {
-    if (RunningNow() > measure_at_ && !MeasureRoundTrip()) return "its host does not answer";
+    if (!MeasureAgain()) return "its host does not answer";
     if (!stream_.grab()) return "its images ended";
     const absl::Time arrived = absl::Now();
     const absl::Duration now = RunningNow();
@@ -166,19 +167,33 @@ class StreamCamera : public CameraSource {
     const absl::Duration opened = RunningNow();
     lateness_ = {};
     in_time_ = opened;
+    measuring_ = {};
     measure_at_ = absl::InfiniteDuration();
     round_trip_ = absl::ZeroDuration();
-    if (!url_.empty() && !MeasureRoundTrip()) round_trip_ = (opened - begin) / kRoundTripsOfOpening;
+    if (!url_.empty() && !TakeRoundTrip(RtspRoundTrip(url_, timeout_))) {
+      round_trip_ = (opened - begin) / kRoundTripsOfOpening;
+    }
     return absl::OkStatus();
   }
 
   // Lateness counts from the quickest image of this stream, which no clock tells the delay of: it
-  // was no more than a round trip at a time when the stream is open. What comes meanwhile piles up.
-  bool MeasureRoundTrip() {
-    const std::optional<absl::Duration> measured = RtspRoundTrip(url_, timeout_);
+  // was no more than a round trip at a time when the stream is open.
+  bool TakeRoundTrip(std::optional<absl::Duration> measured) {
     if (!measured) return false;
     round_trip_ = *measured;
     measure_at_ = RunningNow() + kMeasureAgain;
+    return true;
+  }
+
+  // When it is time, while images are read. False: there was no answer.
+  bool MeasureAgain() {
+    if (measuring_.valid()) {
+      if (measuring_.wait_for(std::chrono::seconds(0)) != std::future_status::ready) return true;
+      return TakeRoundTrip(measuring_.get());
+    }
+    if (RunningNow() > measure_at_) {
+      measuring_ = std::async(std::launch::async, RtspRoundTrip, url_, timeout_);
+    }
     return true;
   }
 
@@ -197,6 +212,7 @@ class StreamCamera : public CameraSource {
   // Of the reader alone, once it runs.
   Lateness lateness_;
   absl::Duration round_trip_;
+  std::future<std::optional<absl::Duration>> measuring_;
   absl::Duration measure_at_;              // infinite: never, it cannot be measured
   absl::Duration in_time_ = RunningNow();  // when the last image came that was not late
   cv::VideoCapture stream_;
