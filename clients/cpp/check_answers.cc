@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "clients/cpp/connection.h"
 #include "silhouette/messages.h"
 
@@ -205,6 +206,57 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                      .fraction = place.fraction(),
                      .configuration = ConfigurationFrom(place.configuration())};
   return check;
+}
+
+RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
+                                ServerClock& clock) {
+  const RunningClock::time_point received = RunningClock::now();
+  if (absl::FromChrono(received - asked) <= kLongestOnItsWay) return asked;
+  const auto made = clock.MadeAt(basis, received);
+  return made.ok() ? std::max(asked, *made) : asked;
+}
+
+bool IsLate(Basis& basis) {
+  const absl::Duration age = absl::FromChrono(RunningClock::now() - basis.asked);
+  if (age <= kLongestOnItsWay) return false;
+  basis.defects.push_back(
+      {Reason::kAnswerLate,
+       absl::StrFormat("the answer is %.1f s old, and says nothing after %.1f s: ask again, "
+                       "and look for what holds up the network or this computer",
+                       absl::ToDoubleSeconds(age), absl::ToDoubleSeconds(kLongestOnItsWay))});
+  return true;
+}
+
+namespace {
+
+// What is unknown already keeps its reason.
+void Outdate(Verdict& verdict) {
+  if (verdict.state != State::kUnknown) verdict = {.reason = Reason::kAnswerLate};
+}
+
+}  // namespace
+
+void DropIfLate(ConfigurationChecks& checks) {
+  if (!IsLate(checks.basis)) return;
+  for (Verdict& verdict : checks.verdicts) Outdate(verdict);
+}
+
+void DropIfLate(NumberChecks& checks) {
+  if (!IsLate(checks.basis)) return;
+  checks.free.assign(checks.free.size(), 0);
+  checks.occupied.assign(checks.occupied.size(), 0);
+  if (checks.unknown_reason == Reason::kUnspecified) checks.unknown_reason = Reason::kAnswerLate;
+}
+
+void DropIfLate(PathCheck& check) {
+  if (!IsLate(check.basis)) return;
+  Outdate(check.verdict);
+  check.proof = PathProof::kNone;
+  check.narrowest.reset();
+}
+
+void DropIfLate(Explanation& explanation) {
+  if (IsLate(explanation.basis)) Outdate(explanation.verdict);
 }
 
 absl::Duration Basis::Age() const {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "clients/cpp/server_clock.h"
 #include "silhouette/answers.h"
 #include "silhouette/client.h"
 #include "silhouette/running_clock.h"
@@ -32,6 +33,30 @@ absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& 
                                          const std::string& address);
 absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
                                      RunningClock::time_point asked, const std::string& address);
+
+// An answer that may have been on its way for longer than this says nothing: until it came, the
+// scene grew older, and the server's max_age does not count that.
+inline constexpr absl::Duration kLongestOnItsWay = absl::Milliseconds(500);
+
+// When the server can have made the answer that has just arrived, at the earliest. If it took
+// longer than kLongestOnItsWay since `asked`, a round trip tells it from time that the server
+// worked.
+RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
+                                ServerClock& clock);
+
+// Whether the answer was made too long ago (basis.asked), for one that has just arrived; then the
+// basis says so.
+bool IsLate(Basis& basis);
+// Makes unknown what a late answer says: kAnswerLate.
+void DropIfLate(ConfigurationChecks& checks);
+void DropIfLate(NumberChecks& checks);
+void DropIfLate(PathCheck& check);
+void DropIfLate(Explanation& explanation);
+template <typename Answer>
+absl::StatusOr<Answer> UnlessLate(absl::StatusOr<Answer> answer) {
+  if (answer.ok()) DropIfLate(*answer);
+  return answer;
+}
 
 // A variant was requested and the server knows none: it is older than this library.
 absl::Status NoVariants(const std::string& address);

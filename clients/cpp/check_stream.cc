@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "clients/cpp/check_answers.h"
 #include "clients/cpp/connection.h"
+#include "clients/cpp/server_clock.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
 
@@ -114,6 +115,7 @@ class CheckStream::Impl {
 
   void Begin() {
     stream_ = connection_->collisions().StreamChecks(&context_);
+    clock_.emplace(connection_, absl::Seconds(1), cancellation_);
     reader_ = std::jthread([this] { End(ReadAnswers()); });
   }
 
@@ -151,7 +153,7 @@ class CheckStream::Impl {
   }
 
   absl::StatusOr<StreamedAnswer> AnswerTo(const Question& question,
-                                          const v1::StreamChecksResponse& response) const {
+                                          const v1::StreamChecksResponse& response) {
     const std::string& address = connection_->address();
     if (response.id() != question.id) {
       return Malformed(address, absl::StrCat("it answers question ", response.id(), " instead of ",
@@ -176,17 +178,26 @@ class CheckStream::Impl {
       if (error.ok() && !response.has_configurations()) {
         return Malformed(address, "it is not the answer to a question about configurations");
       }
-      answer.checks = error.ok() ? AnswerFrom(response.configurations(), *question.configurations,
-                                              question.clearance, question.asked, address)
-                                 : error;
+      if (!error.ok()) {
+        answer.checks = error;
+        return answer;
+      }
+      const v1::CheckConfigurationsResponse& checks = response.configurations();
+      answer.checks =
+          UnlessLate(AnswerFrom(checks, *question.configurations, question.clearance,
+                                MadeAt(checks.basis(), question.asked, *clock_), address));
       return answer;
     }
     if (error.ok() && !response.has_path()) {
       return Malformed(address, "it is not the answer to a question about a path");
     }
-    answer.path = error.ok()
-                      ? AnswerFrom(response.path(), question.clearance, question.asked, address)
-                      : error;
+    if (!error.ok()) {
+      answer.path = error;
+      return answer;
+    }
+    answer.path =
+        UnlessLate(AnswerFrom(response.path(), question.clearance,
+                              MadeAt(response.path().basis(), question.asked, *clock_), address));
     return answer;
   }
 
@@ -211,7 +222,8 @@ class CheckStream::Impl {
   std::optional<Cancellation::Call> call_;
   std::unique_ptr<grpc::ClientReaderWriter<v1::StreamChecksRequest, v1::StreamChecksResponse>>
       stream_;
-  bool questions_ended_ = false;  // the sending thread's own
+  std::optional<ServerClock> clock_;  // the reader's own
+  bool questions_ended_ = false;      // the sending thread's own
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -21,17 +21,35 @@ namespace silhouette::client {
 
 namespace {
 
+// When the server can have made an answer that has just arrived, at the earliest.
+RunningClock::time_point MadeAt(const std::shared_ptr<const Connection>& connection,
+                                const v1::Basis& basis, RunningClock::time_point asked,
+                                absl::Duration timeout) {
+  Cancellation never_cancelled;
+  ServerClock clock(connection, timeout, never_cancelled);
+  return MadeAt(basis, asked, clock);
+}
+
+// An answer, and the earliest time at which it can have been made.
+template <typename Response>
+struct Answered {
+  Response message;
+  RunningClock::time_point made;
+};
+
 // A question about verdicts; its answer must be about this cell and the requested variant.
 template <typename Request, typename Response>
-absl::StatusOr<Response> Ask(const Connection& connection,
-                             grpc::Status (v1::CollisionService::Stub::*method)(
-                                 grpc::ClientContext*, const Request&, Response*),
-                             const Request& request, absl::Duration timeout) {
-  absl::StatusOr<Response> response = connection.Call(method, request, timeout);
-  if (!response.ok()) return response;
-  const absl::Status usable = RequireBasis(request.variant(), response->basis(), connection);
+absl::StatusOr<Answered<Response>> Ask(const std::shared_ptr<const Connection>& connection,
+                                       grpc::Status (v1::CollisionService::Stub::*method)(
+                                           grpc::ClientContext*, const Request&, Response*),
+                                       const Request& request, absl::Duration timeout) {
+  const RunningClock::time_point asked = RunningClock::now();
+  absl::StatusOr<Response> response = connection->Call(method, request, timeout);
+  if (!response.ok()) return response.status();
+  const absl::Status usable = RequireBasis(request.variant(), response->basis(), *connection);
   if (!usable.ok()) return usable;
-  return response;
+  const RunningClock::time_point made = MadeAt(connection, response->basis(), asked, timeout);
+  return Answered<Response>{.message = *std::move(response), .made = made};
 }
 
 void RequireMasks(const v1::Scene& scene) {
@@ -130,11 +148,11 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
     Clearance clearance) const {
   v1::CheckConfigurationsRequest request = QuestionOf(configurations, policy, evidence, clearance);
   request.set_variant(variant_);
-  const RunningClock::time_point asked = RunningClock::now();
   const auto response =
-      Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
+      Ask(connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
-  return AnswerFrom(*response, configurations.size(), clearance, asked, address());
+  return UnlessLate(
+      AnswerFrom(response->message, configurations.size(), clearance, response->made, address()));
 }
 
 absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
@@ -144,11 +162,10 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   request.mutable_numbers()->Add(numbers.begin(), numbers.end());
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const RunningClock::time_point asked = RunningClock::now();
   const auto response =
-      Ask(*connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
+      Ask(connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
-  return NumbersFrom(*response, numbers.size(), asked, address());
+  return UnlessLate(NumbersFrom(response->message, numbers.size(), response->made, address()));
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(
@@ -158,12 +175,10 @@ absl::StatusOr<PathCheck> Client::CheckPath(
   v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
   request.set_variant(variant_);
   if (resolution) request.set_path_resolution(*resolution);
-  const RunningClock::time_point asked = RunningClock::now();
-  const auto response =
-      Ask(*connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
+  const auto response = Ask(connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
-  if (separation && !response->has_separation()) return NoSeparation(address());
-  return AnswerFrom(*response, clearance, asked, address());
+  if (separation && !response->message.has_separation()) return NoSeparation(address());
+  return UnlessLate(AnswerFrom(response->message, clearance, response->made, address()));
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
@@ -190,9 +205,9 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   using Part = v1::GetConfigurationSpaceResponse;
   const auto take = [&](const Part& part) -> absl::Status {
     if (std::exchange(first, false)) {
-      basis = FromMessage(part.basis(), asked);
       const absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
       if (!usable.ok()) return usable;
+      basis = FromMessage(part.basis(), MadeAt(connection_, part.basis(), asked, timeout_));
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       if (!grid.ok()) return Malformed(address(), grid.status().message());
@@ -209,6 +224,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!ended.ok()) return ended;
   if (!grid.ok()) return Malformed(address(), grid.status().message());
   if (!tells_levels) return NoClearances(address());
+  if (IsLate(basis)) received.clear();
   try {
     return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
                               {clearance_levels.begin(), clearance_levels.end()});
@@ -223,13 +239,13 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   *request.mutable_configuration() = ToMessage(configuration);
   *request.mutable_policy() = ToMessage(policy);
   request.set_variant(variant_);
-  const RunningClock::time_point asked = RunningClock::now();
-  const auto response = Ask(*connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
+  const auto response = Ask(connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
   if (!response.ok()) return response.status();
   Explanation explanation{
-      .basis = FromMessage(response->basis(), asked), .verdict = {}, .views = {}};
-  explanation.verdict = FromMessage(response->verdict(), explanation.basis);
-  for (const v1::ViewExplanation& view : response->views()) {
+      .basis = FromMessage(response->message.basis(), response->made), .verdict = {}, .views = {}};
+  explanation.verdict = FromMessage(response->message.verdict(), explanation.basis);
+  DropIfLate(explanation);
+  for (const v1::ViewExplanation& view : response->message.views()) {
     explanation.views.push_back({.view = view.view(),
                                  .scene_png = view.scene_png(),
                                  .obstacle_png = view.obstacle_png(),

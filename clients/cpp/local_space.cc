@@ -99,7 +99,9 @@ class LocalSpace::Impl {
       const bool lost = ReasonOfEnd(path.status()) == Reason::kConnectionLost;
       return UnknownMotion(lost ? Reason::kConnectionLost : Reason::kRefused, motion.front());
     }
-    MotionVerdict verdict = UnknownMotion(path->verdict.reason, path->configuration);
+    const bool placed = !path->configuration.empty();
+    MotionVerdict verdict =
+        UnknownMotion(path->verdict.reason, placed ? path->configuration : motion.front());
     verdict.state = path->verdict.state;
     verdict.checked = path->checked;
     verdict.proof = path->proof;

@@ -131,6 +131,11 @@ Words WordsFor(Reason reason) {
           "refused",
           "the server refuses what is asked; if it is the subscription, the status of LocalSpace "
           "says why"};
+    case Reason::kAnswerLate:
+      return {
+          "answer late",
+          "the answer of the server was too long on its way: ask again, and look for what holds "
+          "up the network or this computer"};
   }
   return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }

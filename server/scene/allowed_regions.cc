@@ -23,7 +23,6 @@ bool RegionEffect::Touches(std::span<const std::optional<Mask>> test_robot) cons
 namespace {
 
 constexpr size_t kMostCorners = 1000;
-constexpr double kFarthest = 1e5;  // pixels from the image's corner
 
 // The obstacle pixels inside each of the regions.
 std::vector<RegionEffect> Inside(const RegionSet& regions, const ObstacleImages& images) {
@@ -76,8 +75,15 @@ absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
   }
   std::vector<cv::Point2f> polygon;
   for (const auto& [x, y] : corners) {
-    if (!(std::abs(x) <= kFarthest) || !(std::abs(y) <= kFarthest)) {
-      return absl::InvalidArgumentError("a corner of the polygon is not near the image");
+    const auto inside = [](double value, int pixels) {
+      return value >= -0.5 && value <= pixels - 0.5;
+    };
+    if (!inside(x, size.width) || !inside(y, size.height)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("the corner ", x, ",", y,
+                       " is outside the view's mask: corners are pixels of the mask, "
+                       "which has ",
+                       size.width, "x", size.height, ", not of the camera's image"));
     }
     polygon.emplace_back(static_cast<float>(x), static_cast<float>(y));
   }

@@ -57,7 +57,8 @@ std::vector<RegionEffect> Apply(const RegionSet& regions, std::span<const double
                                 ObstacleImages& without_margins, ObstacleImages& images);
 
 // The pixels whose centres lie in a polygon, corners in mask pixels, integers at pixel centres.
-// InvalidArgument unless there are 3 to 1000 corners, none farther away than 100,000 pixels.
+// InvalidArgument unless there are 3 to 1000 corners, all in the mask: -0.5 to its width - 0.5, and
+// so its height.
 absl::StatusOr<Mask> PixelsInPolygon(MaskSize size,
                                      std::span<const std::pair<double, double>> corners);
 

@@ -85,9 +85,10 @@ void AddAllowCommand(CLI::App& region, Session& session) {
       ->add_option("name", arguments->name,
                    "A name; every verdict that the region affects reports it")
       ->required();
-  command->add_option("polygons", arguments->polygons,
-                      "VIEW:x,y;x,y;x,y: a polygon in pixels of the view's mask, integers at pixel "
-                      "centres");
+  command->add_option(
+      "polygons", arguments->polygons,
+      "VIEW:x,y;x,y;x,y: a polygon in pixels of the view's mask (not of the camera's "
+      "image), integers at pixel centres");
   command
       ->add_option("--mask", arguments->masks,
                    "VIEW=FILE: an image of the mask's size, white where the region lies; may be "

@@ -130,8 +130,7 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
 bool Expire(client::PathUpdate& update) {
   constexpr client::Reason kExpired = client::Reason::kUpdateExpired;
   client::PathCheck& check = update.check;
-  const bool separation = check.separation && !check.separation->ValidNow() &&
-                          (check.separation->level > 0 || check.separation->leads_away);
+  const bool separation = check.separation && HasExpired(*check.separation);
   if (separation) check.separation = client::Separation{.unknown_reason = kExpired};
   const bool verdict = check.verdict.free() && !update.FreeNow();
   if (verdict) {
@@ -153,22 +152,20 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
   std::optional<client::PathUpdate> latest;
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
+    if (!update.ok() && !absl::IsDeadlineExceeded(update.status())) return update.status();
+    if (update.ok()) latest = *update;
+    // An update may have expired on its way.
+    const bool expired = latest && Expire(*latest);
+    if (!update.ok() && !expired) continue;
+    const client::PathCheck& check = latest->check;
+    const std::string text = absl::StrCat(Spoken(check.basis), ": ", Spoken(check));
+    Json json = JsonOf(check, session.clearance);
     if (update.ok()) {
-      const client::PathCheck& check = update->check;
-      Json json = JsonOf(check, session.clearance);
-      json["skipped_scenes"] = update->skipped_scenes;
-      json["valid_for_s"] = SecondsUntil(update->valid_until);
-      lines.PrintUpdate(
-          absl::StrCat(Spoken(check.basis), ": ", Spoken(check), Skipped(update->skipped_scenes)),
-          json);
-      latest = *update;
-    } else if (!absl::IsDeadlineExceeded(update.status())) {
-      return update.status();
-    }
-    if (latest && Expire(*latest)) {
-      const client::PathCheck& check = latest->check;
-      lines.PrintNews(check.verdict.reason, absl::StrCat(Spoken(check.basis), ": ", Spoken(check)),
-                      JsonOf(check, session.clearance));
+      json["skipped_scenes"] = latest->skipped_scenes;
+      json["valid_for_s"] = SecondsUntil(latest->valid_until);
+      lines.PrintUpdate(text + Skipped(latest->skipped_scenes), json);
+    } else {
+      lines.PrintNews(check.verdict.reason, text, json);
     }
   }
   return absl::OkStatus();

@@ -16,7 +16,7 @@ enum class State : uint8_t {
 };
 
 // Why a verdict is unknown. Values below 200 are those of silhouette.v1.Verdict.Reason; the others
-// are for LocalSpace.
+// are found by this library.
 enum class Reason : uint8_t {
   kUnspecified = 0,  // the verdict is free or occupied, or the server gave a reason not known here
   kNoScene = 1,
@@ -56,6 +56,7 @@ enum class Reason : uint8_t {
   kAgeUnknown = 208,
   kNotCheckedHere = 209,
   kRefused = 210,
+  kAnswerLate = 211,
 };
 
 // "free", "occupied", "unknown".

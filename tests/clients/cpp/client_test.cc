@@ -500,7 +500,7 @@ TEST(Reasons, EachHasItsOwnWords) {
   for (Reason reason :
        {Reason::kNotInMap, Reason::kBetweenGridPoints, Reason::kNoUpdate, Reason::kConnectionLost,
         Reason::kUpdateTooOld, Reason::kUpdateExpired, Reason::kUpdateMalformed,
-        Reason::kAgeUnknown, Reason::kNotCheckedHere, Reason::kRefused}) {
+        Reason::kAgeUnknown, Reason::kNotCheckedHere, Reason::kRefused, Reason::kAnswerLate}) {
     reasons.push_back(reason);
   }
   std::set<std::string> names;

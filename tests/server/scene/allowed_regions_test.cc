@@ -262,5 +262,22 @@ TEST(PixelsInPolygon, AreThoseWhoseCentresItHolds) {
   EXPECT_TRUE(absl::IsInvalidArgument(PixelsInPolygon({6, 6}, endless).status()));
 }
 
+TEST(PixelsInPolygon, HasNoCornerOutsideTheMask) {
+  const std::vector<std::pair<double, double>> all = {
+      {-0.5, -0.5}, {95.5, -0.5}, {95.5, 71.5}, {-0.5, 71.5}};
+  EXPECT_EQ(PixelsInPolygon({96, 72}, all)->Count(), 96u * 72);
+  // Pixels of a camera image of 640 x 480.
+  const std::vector<std::pair<double, double>> camera = {{50, 40}, {600, 40}, {600, 440}};
+  EXPECT_EQ(PixelsInPolygon({96, 72}, camera).status(),
+            absl::InvalidArgumentError(
+                "the corner 600,40 is outside the view's mask: corners are pixels of the mask, "
+                "which has 96x72, not of the camera's image"));
+  for (const std::pair<double, double>& outside :
+       {std::pair(96.0, 0.0), std::pair(0.0, 72.0), std::pair(-0.6, 0.0), std::pair(0.0, -1.0)}) {
+    const std::vector<std::pair<double, double>> corners = {{0, 0}, {5, 5}, outside};
+    EXPECT_TRUE(absl::IsInvalidArgument(PixelsInPolygon({96, 72}, corners).status()));
+  }
+}
+
 }  // namespace
 }  // namespace silhouette

@@ -415,7 +415,7 @@ TEST_F(Silhouette, RegionIsAllowedListedNamedAndRevoked) {
   EXPECT_THAT(cell_.Run("region list").out, HasSubstr("no allowed region"));
   WriteMask(cell_.shell().folder() / "wall.png", kWall);
   const Ended allow = cell_.Run(
-      "region allow part 'left:6.5,-1;8.5,-1;8.5,9.5;6.5,9.5' --mask right=wall.png --for 5m");
+      "region allow part 'left:6.5,-0.5;8.5,-0.5;8.5,9.5;6.5,9.5' --mask right=wall.png --for 5m");
   EXPECT_EQ(allow.exit_code, 0) << allow.err;
   EXPECT_THAT(allow.out, AllOf(HasSubstr("'part'"), HasSubstr("left 20, right 20 pixels")));
   const Ended check = cell_.Run("check 0.6,0.2 0,0");
@@ -477,6 +477,9 @@ TEST_F(Silhouette, WrongRegionsAreNamed) {
   EXPECT_THAT(error("'left:1,1;2,2' --for 1s"), HasSubstr("at least three corners"));
   EXPECT_THAT(error("'left:1,1;2,2;x,2' --for 1s"), HasSubstr("'left:1,1;2,2;x,2' is not"));
   EXPECT_THAT(error("'back:1,1;2,2;1,2' --for 1s"), HasSubstr("no such view"));
+  EXPECT_THAT(error("'left:1,1;16,2;1,2' --for 1s"),
+              HasSubstr("views[0] 'left'.polygon: the corner 16,2 is outside the view's mask: "
+                        "corners are pixels of the mask, which has 16x16"));
   EXPECT_THAT(error("--mask left=nothing.png --for 1s"), HasSubstr("nothing.png"));
   EXPECT_THAT(error("--mask left --for 1s"), HasSubstr("VIEW=FILE"));
 }

@@ -9,6 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "silhouette/messages.h"
+#include "tests/clients/cpp/fake_server.h"
 #include "tests/folders.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 
@@ -20,6 +22,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::MatchesRegex;
+using ::testing::Not;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
@@ -113,6 +116,61 @@ TEST_F(SilhouetteWatch, SaysWhenTheSceneBecomesTooOld) {
   EXPECT_THAT(ContentOf(cell_.shell().folder() / "watch.txt"),
               AllOf(HasSubstr("121 free"), HasSubstr("all unknown: the scene of the last update is "
                                                      "older than max_age")));
+}
+
+TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
+  FakeServer server;
+  const auto set = [](v1::Basis& basis) {
+    basis.set_scene_id(3);
+    basis.mutable_scene_age()->set_seconds(1);
+    *basis.mutable_server_clock() =
+        client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
+  };
+  server.check_configurations = [&](auto&, const auto&, auto& response) {
+    set(*response.mutable_basis());
+    return grpc::Status::OK;
+  };
+  server.watch_path = [&](auto&, const auto&, auto& writer) {
+    v1::WatchPathResponse update;
+    update.mutable_valid_for();  // no time at all
+    v1::CheckPathResponse& check = *update.mutable_check();
+    set(*check.mutable_basis());
+    check.mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+    check.mutable_separation()->set_level(2);
+    check.mutable_separation()->set_level_name("fast");
+    writer.Write(update);
+    return grpc::Status::OK;
+  };
+  const auto run = [&](const std::string& format) {
+    const Ended ended =
+        cell_.Run("--server " + server.address + " watch 0,0 1,0 --separation --count 1" + format);
+    EXPECT_EQ(ended.exit_code, 0) << ended.err;
+    return ended.out;
+  };
+  EXPECT_THAT(run(""),
+              AllOf(HasSubstr("unknown: the last update of the server has expired"),
+                    HasSubstr("; stop: "), Not(HasSubstr("free")), Not(HasSubstr("fast"))));
+  const Json json = Json::parse(run(" --format json"));
+  EXPECT_EQ(json["state"], "unknown");
+  EXPECT_EQ(json["separation"]["level"], 0);
+}
+
+TEST_F(SilhouetteWatch, LateAnswerIsUnknownWithItsReason) {
+  FakeServer server;
+  server.check_configurations = [](auto&, const auto& request, auto& response) {
+    response.mutable_basis()->set_scene_id(3);
+    *response.mutable_basis()->mutable_server_clock() =
+        client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
+    if (request.configurations_size() == 0) return grpc::Status::OK;
+    response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    return grpc::Status::OK;
+  };
+  const Ended check = cell_.Run("--server " + server.address + " check 0,0");
+  EXPECT_EQ(check.exit_code, 1) << check.err;
+  EXPECT_THAT(check.out,
+              AllOf(HasSubstr("0,0: unknown: the answer is 0."),
+                    HasSubstr(" s old, and says nothing after 0.5 s"), Not(HasSubstr("free"))));
 }
 
 TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {

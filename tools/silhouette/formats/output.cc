@@ -240,9 +240,14 @@ std::string SpokenProof(const client::PathCheck& check) {
   }
 }
 
+client::Separation HeldNow(const client::Separation& separation) {
+  if (!HasExpired(separation)) return separation;
+  return {.unknown_reason = client::Reason::kAnswerLate};
+}
+
 std::string SpokenSeparation(const client::PathCheck& check) {
   if (!check.separation) return "";
-  const client::Separation& separation = *check.separation;
+  const client::Separation separation = HeldNow(*check.separation);
   if (separation.unknown_reason != client::Reason::kUnspecified) {
     return absl::StrCat("; stop: ", silhouette::Spoken(separation.unknown_reason, check.basis));
   }
@@ -255,11 +260,12 @@ std::string SpokenSeparation(const client::PathCheck& check) {
                            kept.empty() ? 0 : kept.front(),
                            separation.leads_away ? "; the path leads away" : "");
   }
-  return absl::StrFormat("; speed level %d '%s': %s", separation.level, separation.level_name,
-                         where);
+  return absl::StrFormat("; speed level %d '%s' for %.2f s: %s", separation.level,
+                         separation.level_name, SecondsUntil(separation.valid_until), where);
 }
 
-Json JsonOf(const client::Separation& separation) {
+Json JsonOf(const client::Separation& answer) {
+  const client::Separation separation = HeldNow(answer);
   const bool known = separation.unknown_reason == client::Reason::kUnspecified;
   return {{"level", separation.level},
           {"level_name", separation.level_name.empty() ? Json() : Json(separation.level_name)},
@@ -274,6 +280,10 @@ Json JsonOf(const client::Separation& separation) {
 }
 
 }  // namespace
+
+bool HasExpired(const client::Separation& separation) {
+  return !separation.ValidNow() && (separation.level > 0 || separation.leads_away);
+}
 
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {

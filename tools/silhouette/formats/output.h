@@ -29,6 +29,10 @@ std::string Spoken(const client::Basis& basis);
 // "free: 41 places checked", "not free at 0.1,0.2, 40 % on the way from waypoint 1: occupied".
 std::string Spoken(const client::PathCheck& check);
 
+// Whether it lets the robot move, and is too old to be gone by. Answers then say that the robot
+// must stop.
+bool HasExpired(const client::Separation& separation);
+
 // {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}; with
 // "clearance" (null if unknown) after the reason, and in each view the "distance", if it was asked
 // for.

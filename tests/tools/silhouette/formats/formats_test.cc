@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -48,6 +49,23 @@ TEST(ConfigurationText, UnitMustBeOneOfTheJoint) {
     EXPECT_THROW(ParseJointValue(angle, kRadians, true), std::invalid_argument) << angle;
   }
   EXPECT_THROW(ParseJointValue("0.2m", kRadians, false), std::invalid_argument);
+}
+
+TEST(SeparationText, SaysHowLongALevelHoldsAndStopAfterwards) {
+  client::PathCheck check;
+  check.basis.scene_id = 1;
+  check.verdict.state = client::State::kFree;
+  const auto now = client::RunningClock::now();
+  check.separation = client::Separation{.level = 2,
+                                        .level_name = "fast",
+                                        .distance = 3,
+                                        .valid_until = now + std::chrono::minutes(10)};
+  EXPECT_THAT(Spoken(check), HasSubstr("; speed level 2 'fast' for "));
+  check.separation->valid_until = now;
+  EXPECT_THAT(Spoken(check), HasSubstr("; stop: the answer of the server was too long on its way"));
+  const Json json = JsonOf(check, client::Clearance::kOmit)["separation"];
+  EXPECT_EQ(json["level"], 0);
+  EXPECT_EQ(json["unknown_reason"], "answer late");
 }
 
 TEST(TypedJoints, AskForTheGridOnceAndOnlyWhereAUnitMatters) {

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// An answer that was held up on its way: its scene is older than the server's max_age counted.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <string>
+#include <thread>
+
+#include "silhouette/client.h"
+#include "silhouette/messages.h"
+#include "tests/clients/cpp/fake_server.h"
+
+namespace silhouette::client {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+const std::vector<Configuration> kLateOne = {{0.1, 0.2}};
+constexpr std::chrono::milliseconds kHeldUp{800};  // longer than an answer may be on its way
+
+// A server whose robot is free everywhere. It works before it makes its answers, and holds them up
+// afterwards.
+class LateAnswers : public testing::Test {
+ protected:
+  LateAnswers() {
+    server_.check_configurations = [this](auto&, const auto& request, auto& response) {
+      const bool asks = request.configurations_size() + request.numbers_size() > 0;
+      if (asks) std::this_thread::sleep_for(works_);
+      for (int i = 0; i < request.configurations_size(); ++i) SetFree(*response.add_verdicts());
+      if (request.numbers_size() > 0) {
+        response.set_free("\x03");
+        response.set_occupied(std::string(1, '\0'));
+      }
+      Stamp(*response.mutable_basis());
+      if (asks) std::this_thread::sleep_for(held_up_);
+      return grpc::Status::OK;
+    };
+    server_.check_path = [this](auto&, const auto&, auto& response) {
+      std::this_thread::sleep_for(works_);
+      SetFree(*response.mutable_verdict());
+      response.set_proof(v1::PATH_PROOF_GRID);
+      Stamp(*response.mutable_basis());
+      std::this_thread::sleep_for(held_up_);
+      return grpc::Status::OK;
+    };
+    server_.explain = [this](auto&, const auto&, auto& response) {
+      std::this_thread::sleep_for(works_);
+      SetFree(*response.mutable_verdict());
+      Stamp(*response.mutable_basis());
+      std::this_thread::sleep_for(held_up_);
+      return grpc::Status::OK;
+    };
+    server_.configuration_space = [this](auto&, const auto&, auto& writer) {
+      std::this_thread::sleep_for(works_);
+      v1::GetConfigurationSpaceResponse part;
+      Stamp(*part.mutable_basis());
+      v1::GridJoint& joint = *part.mutable_grid()->add_joints();
+      joint.set_name("a");
+      joint.set_upper(1);
+      joint.set_steps(10);
+      part.mutable_grid()->add_tile_edges(4096);
+      part.add_tiles()->set_free(std::string(512, '\xff'));
+      part.mutable_tiles(0)->set_occupied(std::string(512, '\0'));
+      std::this_thread::sleep_for(held_up_);
+      writer.Write(part);
+      return grpc::Status::OK;
+    };
+    server_.stream_checks = [this](auto&, auto& stream) {
+      for (v1::StreamChecksRequest question; stream.Read(&question);) {
+        std::this_thread::sleep_for(works_);
+        v1::StreamChecksResponse answer;
+        answer.set_id(question.id());
+        SetFree(*answer.mutable_configurations()->add_verdicts());
+        Stamp(*answer.mutable_configurations()->mutable_basis());
+        std::this_thread::sleep_for(held_up_);
+        stream.Write(answer);
+      }
+      return grpc::Status::OK;
+    };
+  }
+
+  static void SetFree(v1::Verdict& verdict) { verdict.set_state(v1::Verdict::STATE_FREE); }
+  static void Stamp(v1::Basis& basis) {
+    basis.set_scene_id(3);
+    *basis.mutable_scene_age() = ToMessage(absl::Milliseconds(20));
+    *basis.mutable_server_clock() =
+        ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
+  }
+
+  // The verdicts of all calls.
+  std::vector<Verdict> AskAll() {
+    const Client client = ClientOfHere(server_);
+    const auto checks = client.CheckConfigurations(kLateOne);
+    basis_ = checks->basis;
+    const auto path = client.CheckPath(kLateOne);
+    EXPECT_EQ(path->proof != PathProof::kNone, path->verdict.free());
+    CheckStream stream = client.StreamChecks();
+    EXPECT_TRUE(stream.Send(1, kLateOne).ok());
+    const auto streamed = stream.Receive();
+    stream.Cancel();
+    const auto explanation = client.Explain(kLateOne[0]);
+    return {checks->verdicts.at(0), path->verdict, streamed->checks->verdicts.at(0),
+            explanation->verdict};
+  }
+
+  FakeServer server_;
+  std::chrono::milliseconds works_{0};
+  std::chrono::milliseconds held_up_{0};
+  Basis basis_;
+};
+
+TEST_F(LateAnswers, AreNeverFreeAndSaySo) {
+  held_up_ = kHeldUp;
+  for (const Verdict& verdict : AskAll()) {
+    EXPECT_EQ(verdict.state, State::kUnknown);
+    EXPECT_EQ(verdict.reason, Reason::kAnswerLate);
+  }
+  ASSERT_EQ(basis_.defects.size(), 1u);
+  EXPECT_EQ(basis_.defects[0].reason, Reason::kAnswerLate);
+  EXPECT_THAT(basis_.defects[0].message, AllOf(HasSubstr("the answer is 0."),
+                                               HasSubstr(" s old, and says nothing after 0.5 s")));
+  const auto numbers = ClientOfHere(server_).CheckNumbers(std::vector<uint32_t>{0, 1});
+  EXPECT_EQ(numbers->StateOf(0), State::kUnknown);
+  EXPECT_EQ(numbers->unknown_reason, Reason::kAnswerLate);
+  const auto space = ClientOfHere(server_).GetConfigurationSpace();
+  ASSERT_TRUE(space.ok()) << space.status();
+  EXPECT_EQ(space->Count().unknown, 10u);
+}
+
+TEST_F(LateAnswers, AreNotThoseThatTheServerWorkedOnForLong) {
+  works_ = kHeldUp;
+  for (const Verdict& verdict : AskAll()) EXPECT_TRUE(verdict.free()) << NameOf(verdict.reason);
+  EXPECT_TRUE(basis_.defects.empty());
+  const auto numbers = ClientOfHere(server_).CheckNumbers(std::vector<uint32_t>{0, 1});
+  EXPECT_EQ(numbers->StateOf(0), State::kFree);
+  const auto space = ClientOfHere(server_).GetConfigurationSpace();
+  EXPECT_EQ(space->Count().free, 10u);
+}
+
+TEST_F(LateAnswers, AreThoseOfAServerWhoseClockIsNotKnown) {
+  works_ = kHeldUp;
+  server_.check_configurations = nullptr;
+  const auto path = ClientOfHere(server_).CheckPath(kLateOne);
+  EXPECT_EQ(path->verdict.reason, Reason::kAnswerLate);
+}
+
+}  // namespace
+}  // namespace silhouette::client
