@@ -62,6 +62,22 @@ YamlNode YamlNode::FromFile(const std::string& path) {
   return FromText(text, path);
 }
 
+namespace {
+
+// The number of the last line up to `last` whose indentation has a tab; 0: none.
+int LineWithTab(const std::string& text, int last) {
+  std::istringstream lines(text);
+  std::string line;
+  int found = 0;
+  for (int number = 1; number <= last && std::getline(lines, line); ++number) {
+    const size_t content = line.find_first_not_of(" \t");
+    if (content != std::string::npos && line.find('\t') < content) found = number;
+  }
+  return found;
+}
+
+}  // namespace
+
 YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(text);
@@ -75,6 +91,10 @@ YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
     }
     return {documents.front(), file, ""};
   } catch (const YAML::ParserException& error) {
+    if (const int line = LineWithTab(text, error.mark.line + 1); line > 0) {
+      throw YamlError(file + ":" + std::to_string(line) +
+                      ": the line is indented by a tab; YAML wants spaces");
+    }
     throw YamlError(file + ":" + std::to_string(error.mark.line + 1) + ": " + error.msg);
   }
 }

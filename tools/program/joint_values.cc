@@ -34,7 +34,11 @@ bool StatesUnit(std::string_view text) {
 
 double ParseJointValue(std::string_view text, AngleUnit unit, std::optional<bool> slides) {
   absl::string_view number = absl::StripTrailingAsciiWhitespace(View(text));
-  const bool is_length = absl::ConsumeSuffix(&number, "m");
+  const double metres = absl::ConsumeSuffix(&number, "mm")   ? 1e-3
+                        : absl::ConsumeSuffix(&number, "cm") ? 1e-2
+                        : absl::ConsumeSuffix(&number, "m")  ? 1
+                                                             : 0;
+  const bool is_length = metres > 0;
   const bool in_degrees = !is_length && absl::ConsumeSuffix(&number, "deg");
   const bool is_angle = in_degrees || (!is_length && absl::ConsumeSuffix(&number, "rad"));
   double value = 0;
@@ -53,6 +57,7 @@ double ParseJointValue(std::string_view text, AngleUnit unit, std::optional<bool
   }
   const bool bare = !is_length && !is_angle;
   const bool degrees = in_degrees || (bare && unit == AngleUnit::kDegrees && !slides_surely);
+  if (is_length) return value * metres;
   return degrees ? value * std::numbers::pi / 180 : value;
 }
 

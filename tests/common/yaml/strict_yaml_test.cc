@@ -114,6 +114,11 @@ TEST(StrictYaml, BrokenFileIsToldWithItsLine) {
   EXPECT_THAT(ErrorOf([&] { YamlNode::FromFile(path); }), HasSubstr("broken.yaml:3: "));
 }
 
+TEST(StrictYaml, TabInAnIndentationIsToldWithItsLine) {
+  EXPECT_THAT(ErrorOf([] { YamlNode::FromText("a:\n  b: 1\n\tc: 2\nd: 3\n", "cell.yaml"); }),
+              HasSubstr("cell.yaml:3: the line is indented by a tab; YAML wants spaces"));
+}
+
 TEST(StrictYaml, MissingAndEmptyFilesAreTold) {
   EXPECT_THAT(ErrorOf([] { YamlNode::FromFile("/nowhere/cell.yaml"); }),
               HasSubstr("/nowhere/cell.yaml: the file does not exist"));

@@ -36,6 +36,8 @@ TEST(ConfigurationText, ValuesCarryTheirUnitOrTakeTheGivenOne) {
   EXPECT_NEAR(ParseJointValue("-90deg", kRadians), -kPi / 2, 1e-15);
   EXPECT_NEAR(ParseJointValue("90", kDegrees), kPi / 2, 1e-15);
   EXPECT_EQ(ParseJointValue("0.2m", kDegrees), 0.2);
+  EXPECT_DOUBLE_EQ(ParseJointValue("-50 mm", kDegrees, true), -0.05);
+  EXPECT_DOUBLE_EQ(ParseJointValue("20cm", kRadians, true), 0.2);
   EXPECT_EQ(ParseJointValue("1.5rad", kDegrees), 1.5);
   EXPECT_THAT(ParseConfiguration("0.1,180deg"), ElementsAre(0.1, DoubleNear(kPi, 1e-15)));
   EXPECT_EQ(ParseJoint("axis_1=-2", kRadians), std::pair(std::string("axis_1"), -2.0));
