@@ -54,7 +54,8 @@ std::string CalibrationDoubt(const Served& served, const Moment& now) {
   if (served.trust == nullptr) return "";
   const CalibrationTrust& trust = *served.trust;
   const ServedDatabase& database = *served.database;
-  if (!trust.holds) return trust.message;
+  // Never empty, which would mean that it holds.
+  if (!trust.holds) return trust.message.empty() ? "it does not hold" : trust.message;
   if (!(now.running < trust.until)) {
     const absl::Duration age =
         absl::Trunc(now.running - trust.until + trust.max_age, absl::Milliseconds(1));
