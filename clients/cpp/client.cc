@@ -202,12 +202,14 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   uint64_t left_out = 0;
   bool tells_levels = true;
   bool first = true;
+  bool late = false;
   using Part = v1::GetConfigurationSpaceResponse;
   const auto take = [&](const Part& part) -> absl::Status {
     if (std::exchange(first, false)) {
       const absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
       if (!usable.ok()) return usable;
       basis = FromMessage(part.basis(), MadeAt(connection_, part.basis(), asked, timeout_));
+      late = IsLate(basis);  // by its beginning: a large space takes long to come
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       if (!grid.ok()) return Malformed(address(), grid.status().message());
@@ -224,7 +226,7 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   if (!ended.ok()) return ended;
   if (!grid.ok()) return Malformed(address(), grid.status().message());
   if (!tells_levels) return NoClearances(address());
-  if (IsLate(basis)) received.clear();
+  if (late) received.clear();
   try {
     return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
                               {clearance_levels.begin(), clearance_levels.end()});
