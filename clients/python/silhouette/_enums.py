@@ -16,7 +16,7 @@ class State(enum.IntEnum):
 
 
 class Reason(enum.IntEnum):
-    """Why a verdict is unknown. Values from 200 are those of LocalSpace."""
+    """Why a verdict is unknown. Values from 200 are found by this library."""
 
     UNSPECIFIED = 0
     NO_SCENE = 1
@@ -56,6 +56,7 @@ class Reason(enum.IntEnum):
     AGE_UNKNOWN = 208
     NOT_CHECKED_HERE = 209
     REFUSED = 210
+    ANSWER_LATE = 211
 
     @property
     def description(self) -> str:

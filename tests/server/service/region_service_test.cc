@@ -128,7 +128,8 @@ TEST_F(RegionService, MayBeAPolygon) {
   for (int view = 0; view < 3; ++view) {
     v1::RegionPixels& pixels = *request.add_views();
     pixels.set_view(kViewNames[static_cast<size_t>(view)]);
-    for (const auto& [x, y] : {std::pair(5.5, 0.0), {8.0, 0.0}, {8.0, 9.5}, {5.5, 9.5}}) {
+    const double below = kViewSizes[static_cast<size_t>(view)].height - 0.5;
+    for (const auto& [x, y] : {std::pair(5.5, 0.0), {8.0, 0.0}, {8.0, below}, {5.5, below}}) {
       v1::Point& corner = *pixels.mutable_polygon()->add_corners();
       corner.set_x(x);
       corner.set_y(y);
