@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <thread>
 
 #include "silhouette/messages.h"
 #include "tests/clients/cpp/fake_server.h"
@@ -130,7 +131,7 @@ TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
     set(*response.mutable_basis());
     return grpc::Status::OK;
   };
-  server.watch_path = [&](auto&, const auto&, auto& writer) {
+  server.watch_path = [&](auto& context, const auto&, auto& writer) {
     v1::WatchPathResponse update;
     update.mutable_valid_for();  // no time at all
     v1::CheckPathResponse& check = *update.mutable_check();
@@ -139,6 +140,7 @@ TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
     check.mutable_separation()->set_level(2);
     check.mutable_separation()->set_level_name("fast");
     writer.Write(update);
+    while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return grpc::Status::OK;
   };
   const auto run = [&](const std::string& format) {
