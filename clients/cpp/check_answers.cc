@@ -208,23 +208,14 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
   return check;
 }
 
-RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
-                                ServerClock& clock) {
+Arrival ArrivalOf(const v1::Basis& basis, RunningClock::time_point asked, ServerClock& clock) {
   const RunningClock::time_point received = RunningClock::now();
-  if (absl::FromChrono(received - asked) <= kLongestOnItsWay) return asked;
-  const auto made = clock.MadeAt(basis, received);
-  return made.ok() ? std::max(asked, *made) : asked;
-}
-
-bool IsLate(Basis& basis) {
-  const absl::Duration age = absl::FromChrono(RunningClock::now() - basis.asked);
-  if (age <= kLongestOnItsWay) return false;
-  basis.defects.push_back(
-      {Reason::kAnswerLate,
-       absl::StrFormat("the answer is %.1f s old, and says nothing after %.1f s: ask again, "
-                       "and look for what holds up the network or this computer",
-                       absl::ToDoubleSeconds(age), absl::ToDoubleSeconds(kLongestOnItsWay))});
-  return true;
+  RunningClock::time_point made = asked;
+  if (absl::FromChrono(received - asked) > kLongestOnItsWay) {
+    const auto earliest = clock.MadeAt(basis, received);
+    if (earliest.ok()) made = std::max(asked, *earliest);
+  }
+  return {.made = made, .way = absl::FromChrono(received - made)};
 }
 
 namespace {
@@ -236,27 +227,41 @@ void Outdate(Verdict& verdict) {
 
 }  // namespace
 
-void DropIfLate(ConfigurationChecks& checks) {
-  if (!IsLate(checks.basis)) return;
+void DropIfLate(const Arrival& arrival, Basis& basis) {
+  if (!arrival.late()) return;
+  basis.defects.push_back(
+      {Reason::kAnswerLate,
+       absl::StrFormat("the answer was %.1f s on its way, and says nothing after %.1f s: ask "
+                       "again, and look for what holds up the network or this computer",
+                       absl::ToDoubleSeconds(arrival.way),
+                       absl::ToDoubleSeconds(kLongestOnItsWay))});
+}
+
+void DropIfLate(const Arrival& arrival, ConfigurationChecks& checks) {
+  DropIfLate(arrival, checks.basis);
+  if (!arrival.late()) return;
   for (Verdict& verdict : checks.verdicts) Outdate(verdict);
 }
 
-void DropIfLate(NumberChecks& checks) {
-  if (!IsLate(checks.basis)) return;
+void DropIfLate(const Arrival& arrival, NumberChecks& checks) {
+  DropIfLate(arrival, checks.basis);
+  if (!arrival.late()) return;
   checks.free.assign(checks.free.size(), 0);
   checks.occupied.assign(checks.occupied.size(), 0);
   if (checks.unknown_reason == Reason::kUnspecified) checks.unknown_reason = Reason::kAnswerLate;
 }
 
-void DropIfLate(PathCheck& check) {
-  if (!IsLate(check.basis)) return;
+void DropIfLate(const Arrival& arrival, PathCheck& check) {
+  DropIfLate(arrival, check.basis);
+  if (!arrival.late()) return;
   Outdate(check.verdict);
   check.proof = PathProof::kNone;
   check.narrowest.reset();
 }
 
-void DropIfLate(Explanation& explanation) {
-  if (IsLate(explanation.basis)) Outdate(explanation.verdict);
+void DropIfLate(const Arrival& arrival, Explanation& explanation) {
+  DropIfLate(arrival, explanation.basis);
+  if (arrival.late()) Outdate(explanation.verdict);
 }
 
 absl::Duration Basis::Age() const {

@@ -38,23 +38,26 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 // scene grew older, and the server's max_age does not count that.
 inline constexpr absl::Duration kLongestOnItsWay = absl::Milliseconds(500);
 
-// When the server can have made the answer that has just arrived, at the earliest. If it took
-// longer than kLongestOnItsWay since `asked`, a round trip tells it from time that the server
-// worked.
-RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
-                                ServerClock& clock);
+// Of an answer that has just arrived: when the server made it, at the earliest, and how long it was
+// on its way since then, at most. If it took longer than kLongestOnItsWay since `asked`, a round
+// trip tells the way from time that the server worked.
+struct Arrival {
+  RunningClock::time_point made;
+  absl::Duration way;
 
-// Whether the answer was made too long ago (basis.asked), for one that has just arrived; then the
-// basis says so.
-bool IsLate(Basis& basis);
-// Makes unknown what a late answer says: kAnswerLate.
-void DropIfLate(ConfigurationChecks& checks);
-void DropIfLate(NumberChecks& checks);
-void DropIfLate(PathCheck& check);
-void DropIfLate(Explanation& explanation);
+  bool late() const { return way > kLongestOnItsWay; }
+};
+Arrival ArrivalOf(const v1::Basis& basis, RunningClock::time_point asked, ServerClock& clock);
+
+// Makes unknown what a late answer says, kAnswerLate, and has its basis say so.
+void DropIfLate(const Arrival& arrival, Basis& basis);
+void DropIfLate(const Arrival& arrival, ConfigurationChecks& checks);
+void DropIfLate(const Arrival& arrival, NumberChecks& checks);
+void DropIfLate(const Arrival& arrival, PathCheck& check);
+void DropIfLate(const Arrival& arrival, Explanation& explanation);
 template <typename Answer>
-absl::StatusOr<Answer> UnlessLate(absl::StatusOr<Answer> answer) {
-  if (answer.ok()) DropIfLate(*answer);
+absl::StatusOr<Answer> UnlessLate(const Arrival& arrival, absl::StatusOr<Answer> answer) {
+  if (answer.ok()) DropIfLate(arrival, *answer);
   return answer;
 }
 
