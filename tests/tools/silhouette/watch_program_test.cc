@@ -170,9 +170,9 @@ TEST_F(SilhouetteWatch, LateAnswerIsUnknownWithItsReason) {
   };
   const Ended check = cell_.Run("--server " + server.address + " check 0,0");
   EXPECT_EQ(check.exit_code, 1) << check.err;
-  EXPECT_THAT(check.out,
-              AllOf(HasSubstr("0,0: unknown: the answer was 0."),
-                    HasSubstr(" s on its way, and says nothing after 0.5 s"), Not(HasSubstr("free"))));
+  EXPECT_THAT(check.out, AllOf(HasSubstr("0,0: unknown: the answer was 0."),
+                               HasSubstr(" s on its way, and says nothing after 0.5 s"),
+                               Not(HasSubstr("free"))));
 }
 
 TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {
