@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "silhouette/client.h"
+#include "silhouette/messages.h"
+#include "silhouette/running_clock.h"
 #include "tests/clients/cpp/fake_server.h"
 
 namespace silhouette::client {
@@ -22,9 +24,16 @@ using Answer = v1::StreamChecksResponse;
 using Stream = grpc::ServerReaderWriter<Answer, Question>;
 
 // Free where the first joint is positive.
+// The basis of an answer that is made now.
+void SetBasis(v1::Basis& basis) {
+  basis.set_scene_id(3);
+  *basis.mutable_server_clock() =
+      ToMessage(absl::FromChrono(RunningClock::now().time_since_epoch()));
+}
+
 v1::CheckConfigurationsResponse Judge(const v1::CheckConfigurationsRequest& request) {
   v1::CheckConfigurationsResponse response;
-  response.mutable_basis()->set_scene_id(3);
+  SetBasis(*response.mutable_basis());
   for (const v1::Configuration& q : request.configurations()) {
     response.add_verdicts()->set_state(q.positions(0) > 0 ? v1::Verdict::STATE_FREE
                                                           : v1::Verdict::STATE_OCCUPIED);
@@ -38,7 +47,7 @@ Answer RightAnswer(const Question& question) {
   if (question.has_configurations()) {
     *answer.mutable_configurations() = Judge(question.configurations());
   } else {
-    answer.mutable_path()->mutable_basis()->set_scene_id(3);
+    SetBasis(*answer.mutable_path()->mutable_basis());
     answer.mutable_path()->mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
     answer.mutable_path()->set_checked(question.path().waypoints_size());
   }
@@ -47,6 +56,10 @@ Answer RightAnswer(const Question& question) {
 
 // Answers every question with what `answer` makes of it.
 void Serve(FakeServer& server, const std::function<Answer(const Question&)>& answer) {
+  server.check_configurations = [](auto&, const auto& request, auto& response) {
+    response = Judge(request);
+    return grpc::Status::OK;
+  };
   server.stream_checks = [answer](grpc::ServerContext&, Stream& stream) {
     Question question;
     while (stream.Read(&question)) stream.Write(answer(question));
