@@ -45,7 +45,7 @@ struct DrawReport {
   uint64_t configurations = 0;  // that the database is to have
   uint64_t kept = 0;            // that it had, undamaged
   uint64_t drawn = 0;           // excluded ones included
-  uint64_t damaged = 0;         // that it had damaged: drawn anew
+  uint64_t damaged = 0;         // that it had damaged: drawn again
   uint64_t excluded = 0;        // of the drawn
   bool stopped = false;
 

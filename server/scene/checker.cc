@@ -50,12 +50,11 @@ std::string WrongViews(const CalibrationTrust& trust, const ServedDatabase& data
 
 }  // namespace
 
-std::string CalibrationDoubt(const Served& served, const Moment& now) {
-  if (served.trust == nullptr) return "";
+std::optional<std::string> CalibrationDoubt(const Served& served, const Moment& now) {
+  if (served.trust == nullptr) return std::nullopt;
   const CalibrationTrust& trust = *served.trust;
   const ServedDatabase& database = *served.database;
-  // Never empty, which would mean that it holds.
-  if (!trust.holds) return trust.message.empty() ? "it does not hold" : trust.message;
+  if (!trust.holds) return trust.message;
   if (!(now.running < trust.until)) {
     const absl::Duration age =
         absl::Trunc(now.running - trust.until + trust.max_age, absl::Milliseconds(1));
@@ -77,11 +76,11 @@ std::string CalibrationDoubt(const Served& served, const Moment& now) {
         "smaller --limit",
         trust.limit, database.calibration_margin(), kCheckAgain);
   }
-  return "";
+  return std::nullopt;
 }
 
 Reason CalibrationReason(const Served& served, const Moment& now) {
-  return CalibrationDoubt(served, now).empty() ? Reason::kNone : Reason::kCalibrationDoubtful;
+  return CalibrationDoubt(served, now) ? Reason::kCalibrationDoubtful : Reason::kNone;
 }
 
 Reason BlockedReason(const Served& served, const Policy& policy, const SceneSettings& settings,

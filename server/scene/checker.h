@@ -98,8 +98,8 @@ bool RestsOnCalibration(const ServedDatabase& database, const Policy& policy);
 
 // Why the calibration, if it is checked, is not known to hold at the moment `now`: it does not, the
 // check is too old or of another calibration, it does not have each view of the database once, or
-// its limit exceeds the database's margin. Empty: it holds, or is not checked.
-std::string CalibrationDoubt(const Served& served, const Moment& now);
+// its limit exceeds the database's margin. Nothing: it holds, or is not checked.
+std::optional<std::string> CalibrationDoubt(const Served& served, const Moment& now);
 
 // kCalibrationDoubtful if there is such a doubt; kNone else.
 Reason CalibrationReason(const Served& served, const Moment& now);

@@ -105,9 +105,10 @@ void CheckRobot(std::span<const ViewToCheck> views, double most_missing,
   for (size_t view = 0; view < views.size(); ++view) {
     const RobotPixels& pixels = robot[view];
     if (pixels.missing == 0 && !(nowhere && pixels.Unseen())) continue;
-    const double share = pixels.missing > 0 ? static_cast<double>(pixels.missing) /
-                                                  static_cast<double>(pixels.certain)
-                                            : 1;
+    const double share =
+        pixels.missing > 0
+            ? static_cast<double>(pixels.missing) / static_cast<double>(pixels.certain)
+            : 1 - static_cast<double>(pixels.seen) / static_cast<double>(pixels.anywhere);
     defects.push_back(
         {Reason::kRobotElsewhere,
          absl::StrFormat("view '%s' shows the empty cell on %.0f %% of the pixels where the robot "

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/defects.h"
 
+#include <optional>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -43,9 +44,9 @@ std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
   if (blocked == Reason::kDatabaseDamaged) {
     defects.push_back({blocked, served.database->damage().what()});
   }
-  if (blocked == Reason::kCalibrationDoubtful) {
-    defects.push_back({blocked, absl::StrCat("the calibration is not confirmed: ",
-                                             CalibrationDoubt(served, now))});
+  const std::optional<std::string> doubt = CalibrationDoubt(served, now);
+  if (blocked == Reason::kCalibrationDoubtful && doubt) {
+    defects.push_back({blocked, absl::StrCat("the calibration is not confirmed: ", *doubt)});
   }
   return defects;
 }

@@ -12,7 +12,7 @@ namespace silhouette {
 namespace {
 
 // An image whose time is nearer than this to that of the one before is that image, sent again: its
-// sender may have read the server's clock anew.
+// sender may have read the server's clock again.
 constexpr absl::Duration kSameTime = absl::Milliseconds(5);
 
 }  // namespace

@@ -250,10 +250,10 @@ class Databases final : public DatabaseCalls {
                 Served served;
                 served.database = database;
                 served.trust = trust;
-                const std::string doubt = CalibrationDoubt(served, serving_.settings.clock());
+                const auto doubt = CalibrationDoubt(served, serving_.settings.clock());
                 v1::CalibrationCheck& check = *response->mutable_calibration_check();
-                check.set_holds(doubt.empty());
-                check.set_message(doubt.empty() ? trust->message : doubt);
+                check.set_holds(!doubt);
+                check.set_message(doubt.value_or(trust->message));
               }
               return absl::OkStatus();
             }));

@@ -54,9 +54,9 @@ class HealthReport : public Watcher {
     if (serving_.settings.trust != nullptr) {
       const Moment now = serving_.settings.clock();
       const Served served = serving_.scenes.Newest(now);
-      const std::string doubt = CalibrationDoubt(served, now);
+      const std::optional<std::string> doubt = CalibrationDoubt(served, now);
       LogDoubt(served.trust, doubt);
-      Report("silhouette.v1.Calibration", doubt.empty());
+      Report("silhouette.v1.Calibration", !doubt);
     }
     if (serving_.settings.live == nullptr) return;
     const LiveStatus status = serving_.settings.live->StatusOfDevices();
@@ -70,11 +70,12 @@ class HealthReport : public Watcher {
  private:
   // A check that held when it was read (CalibrationWatch logs that) may be too old by now, or not
   // of the database that is served: one line when that begins.
-  void LogDoubt(const std::shared_ptr<const CalibrationTrust>& trust, const std::string& doubt) {
-    const bool is_doubted = trust != nullptr && trust->holds && !doubt.empty();
+  void LogDoubt(const std::shared_ptr<const CalibrationTrust>& trust,
+                const std::optional<std::string>& doubt) {
+    const bool is_doubted = trust != nullptr && trust->holds && doubt;
     const std::string doubted = is_doubted ? trust->message + trust->fingerprint : "";
     if (std::exchange(doubted_, doubted) == doubted || !is_doubted) return;
-    spdlog::warn("presets that rest on the calibration are unknown: {}", doubt);
+    spdlog::warn("presets that rest on the calibration are unknown: {}", *doubt);
   }
 
   void Report(const std::string& service, bool serving) {

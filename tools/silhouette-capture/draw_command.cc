@@ -248,7 +248,7 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
       report.configurations, drawn.shards() > 1 ? absl::StrCat(", shard ", NameOfShard(drawn)) : "",
       report.drawn, report.excluded, Spoken(absl::Now() - start), report.kept);
   if (report.damaged > 0) {
-    absl::StrAppend(&text, "damaged            ", report.damaged, ", drawn anew\n");
+    absl::StrAppend(&text, "damaged            ", report.damaged, ", drawn again\n");
   }
   const bool complete = index && !index->stopped;
   if (index) {

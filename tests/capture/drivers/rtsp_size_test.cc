@@ -75,7 +75,7 @@ TEST(RtspSize, ChangeBeforeTheFirstImageIsAskedForIsToldAndTheStreamOpenedAgain)
   EXPECT_THAT(status.message(), testing::HasSubstr("have another size than before"));
   const absl::Duration limit = RunningNow() + absl::Minutes(2);
   while (!(*camera)->Trigger().ok() && RunningNow() < limit) absl::SleepFor(kPause);
-  EXPECT_TRUE((*camera)->Wait(RunningNow() + source.timeout).ok()) << "it begins anew";
+  EXPECT_TRUE((*camera)->Wait(RunningNow() + source.timeout).ok()) << "it is opened again";
 }
 
 }  // namespace
