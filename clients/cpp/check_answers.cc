@@ -36,8 +36,12 @@ absl::Status RequireBasis(const std::string& variant, const v1::Basis& basis,
                           const Connection& connection) {
   const absl::Status same = connection.RequireSameCell(basis);
   if (!same.ok()) return same;
-  return variant.empty() || basis.variant() == variant ? absl::OkStatus()
-                                                       : NoVariants(connection.address());
+  if (!variant.empty() && basis.variant() != variant) return NoVariants(connection.address());
+  if (basis.scene_id() == 0 || basis.has_valid_for()) return absl::OkStatus();
+  return absl::UnimplementedError(
+      absl::StrCat("the server at ", connection.address(),
+                   " does not state how long its answers are valid; use a silhouette-server of "
+                   "this version"));
 }
 
 namespace {
@@ -106,7 +110,7 @@ Separation SeparationFrom(const v1::Separation& message, RunningClock::time_poin
                                    message.protective_distances().end()},
           .image_age = absl::Seconds(message.image_age()),
           .unknown_reason = FromMessage(message.unknown_reason()),
-          .valid_until = asked + absl::ToChronoNanoseconds(FromMessage(message.valid_for()))};
+          .valid_until = After(asked, FromMessage(message.valid_for()))};
 }
 
 }  // namespace
@@ -208,14 +212,12 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
   return check;
 }
 
-Arrival ArrivalOf(const v1::Basis& basis, RunningClock::time_point asked, ServerClock& clock) {
+RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
+                                ServerClock& clock) {
   const RunningClock::time_point received = RunningClock::now();
-  RunningClock::time_point made = asked;
-  if (absl::FromChrono(received - asked) > kLongestOnItsWay) {
-    const auto earliest = clock.MadeAt(basis, received);
-    if (earliest.ok()) made = std::max(asked, *earliest);
-  }
-  return {.made = made, .way = absl::FromChrono(received - made)};
+  if (received < After(asked, FromMessage(basis.valid_for()))) return asked;
+  const auto earliest = clock.MadeAt(basis, received);
+  return earliest.ok() ? std::max(asked, *earliest) : asked;
 }
 
 namespace {
@@ -227,41 +229,42 @@ void Outdate(Verdict& verdict) {
 
 }  // namespace
 
-void DropIfLate(const Arrival& arrival, Basis& basis) {
-  if (!arrival.late()) return;
-  basis.defects.push_back(
-      {Reason::kAnswerLate,
-       absl::StrFormat("the answer was %.1f s on its way, and says nothing after %.1f s: ask "
-                       "again, and look for what holds up the network or this computer",
-                       absl::ToDoubleSeconds(arrival.way),
-                       absl::ToDoubleSeconds(kLongestOnItsWay))});
+bool DropIfExpired(Basis& basis) {
+  const RunningClock::time_point now = RunningClock::now();
+  if (now < basis.valid_until) return false;
+  // Else nothing was valid when it was made, for reasons that the server states.
+  if (basis.valid_until > basis.asked) {
+    basis.defects.push_back(
+        {Reason::kAnswerLate,
+         absl::StrFormat("the answer was valid for %.2f s and came after %.2f s: ask again, and "
+                         "look for what holds up the network, this computer or new scenes",
+                         absl::ToDoubleSeconds(absl::FromChrono(basis.valid_until - basis.asked)),
+                         absl::ToDoubleSeconds(absl::FromChrono(now - basis.asked)))});
+  }
+  return true;
 }
 
-void DropIfLate(const Arrival& arrival, ConfigurationChecks& checks) {
-  DropIfLate(arrival, checks.basis);
-  if (!arrival.late()) return;
+void DropIfExpired(ConfigurationChecks& checks) {
+  if (!DropIfExpired(checks.basis)) return;
   for (Verdict& verdict : checks.verdicts) Outdate(verdict);
 }
 
-void DropIfLate(const Arrival& arrival, NumberChecks& checks) {
-  DropIfLate(arrival, checks.basis);
-  if (!arrival.late()) return;
+void DropIfExpired(NumberChecks& checks) {
+  if (!DropIfExpired(checks.basis)) return;
   checks.free.assign(checks.free.size(), 0);
   checks.occupied.assign(checks.occupied.size(), 0);
   if (checks.unknown_reason == Reason::kUnspecified) checks.unknown_reason = Reason::kAnswerLate;
 }
 
-void DropIfLate(const Arrival& arrival, PathCheck& check) {
-  DropIfLate(arrival, check.basis);
-  if (!arrival.late()) return;
+void DropIfExpired(PathCheck& check) {
+  if (!DropIfExpired(check.basis)) return;
   Outdate(check.verdict);
   check.proof = PathProof::kNone;
   check.narrowest.reset();
 }
 
-void DropIfLate(const Arrival& arrival, Explanation& explanation) {
-  DropIfLate(arrival, explanation.basis);
-  if (arrival.late()) Outdate(explanation.verdict);
+void DropIfExpired(Explanation& explanation) {
+  if (DropIfExpired(explanation.basis)) Outdate(explanation.verdict);
 }
 
 absl::Duration Basis::Age() const {

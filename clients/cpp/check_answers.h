@@ -22,7 +22,7 @@ v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const 
                                 Clearance clearance,
                                 const std::optional<SeparationPolicy>& separation = std::nullopt);
 
-// `address`: of the server, for errors; `asked`: when the question was sent. Internal if the answer
+// `address`: of the server, for errors; `asked`: as Basis::asked. Internal if the answer
 // does not fit the question, Unimplemented if it lacks clearances.
 absl::StatusOr<ConfigurationChecks> AnswerFrom(const v1::CheckConfigurationsResponse& response,
                                                size_t configurations, Clearance clearance,
@@ -34,38 +34,31 @@ absl::StatusOr<NumberChecks> NumbersFrom(const v1::CheckConfigurationsResponse& 
 absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clearance clearance,
                                      RunningClock::time_point asked, const std::string& address);
 
-// An answer that may have been on its way for longer than this says nothing: until it came, the
-// scene grew older, and the server's max_age does not count that.
-inline constexpr absl::Duration kLongestOnItsWay = absl::Milliseconds(500);
+// The earliest time at which the server can have made an answer that has just arrived: when the
+// question was sent, unless the answer would have expired since then. Then a round trip tells the
+// way of the answer from the time that the server worked.
+RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
+                                ServerClock& clock);
 
-// Of an answer that has just arrived: when the server made it, at the earliest, and how long it was
-// on its way since then, at most. If it took longer than kLongestOnItsWay since `asked`, a round
-// trip tells the way from time that the server worked.
-struct Arrival {
-  RunningClock::time_point made;
-  absl::Duration way;
-
-  bool late() const { return way > kLongestOnItsWay; }
-};
-Arrival ArrivalOf(const v1::Basis& basis, RunningClock::time_point asked, ServerClock& clock);
-
-// Makes unknown what a late answer says, kAnswerLate, and has its basis say so.
-void DropIfLate(const Arrival& arrival, Basis& basis);
-void DropIfLate(const Arrival& arrival, ConfigurationChecks& checks);
-void DropIfLate(const Arrival& arrival, NumberChecks& checks);
-void DropIfLate(const Arrival& arrival, PathCheck& check);
-void DropIfLate(const Arrival& arrival, Explanation& explanation);
+// Whether an answer expired before it came; then its basis says so, and all verdicts of it become
+// unknown, kAnswerLate.
+bool DropIfExpired(Basis& basis);
+void DropIfExpired(ConfigurationChecks& checks);
+void DropIfExpired(NumberChecks& checks);
+void DropIfExpired(PathCheck& check);
+void DropIfExpired(Explanation& explanation);
 template <typename Answer>
-absl::StatusOr<Answer> UnlessLate(const Arrival& arrival, absl::StatusOr<Answer> answer) {
-  if (answer.ok()) DropIfLate(arrival, *answer);
+absl::StatusOr<Answer> UnlessExpired(absl::StatusOr<Answer> answer) {
+  if (answer.ok()) DropIfExpired(*answer);
   return answer;
 }
 
 // A variant was requested and the server knows none: it is older than this library.
 absl::Status NoVariants(const std::string& address);
 
-// Whether an answer with verdicts is about the cell of the connection (RequireSameCell) and uses
-// the requested variant (NoVariants); an empty one fits any.
+// Whether an answer with verdicts is about the cell of the connection (RequireSameCell), uses the
+// requested variant (NoVariants; an empty one fits any), and states how long it is valid
+// (Unimplemented: the server is older than this library).
 absl::Status RequireBasis(const std::string& variant, const v1::Basis& basis,
                           const Connection& connection);
 

@@ -183,9 +183,9 @@ class CheckStream::Impl {
         return answer;
       }
       const v1::CheckConfigurationsResponse& checks = response.configurations();
-      const Arrival arrival = ArrivalOf(checks.basis(), question.asked, *clock_);
-      answer.checks = UnlessLate(arrival, AnswerFrom(checks, *question.configurations,
-                                                     question.clearance, arrival.made, address));
+      answer.checks =
+          UnlessExpired(AnswerFrom(checks, *question.configurations, question.clearance,
+                                   MadeAt(checks.basis(), question.asked, *clock_), address));
       return answer;
     }
     if (error.ok() && !response.has_path()) {
@@ -195,9 +195,9 @@ class CheckStream::Impl {
       answer.path = error;
       return answer;
     }
-    const Arrival arrival = ArrivalOf(response.path().basis(), question.asked, *clock_);
-    answer.path =
-        UnlessLate(arrival, AnswerFrom(response.path(), question.clearance, arrival.made, address));
+    answer.path = UnlessExpired(AnswerFrom(response.path(), question.clearance,
+                                           MadeAt(response.path().basis(), question.asked, *clock_),
+                                           address));
     return answer;
   }
 

@@ -21,18 +21,19 @@ namespace silhouette::client {
 
 namespace {
 
-Arrival ArrivalOf(const std::shared_ptr<const Connection>& connection, const v1::Basis& basis,
-                  RunningClock::time_point asked, absl::Duration timeout) {
+RunningClock::time_point MadeAt(const std::shared_ptr<const Connection>& connection,
+                                const v1::Basis& basis, RunningClock::time_point asked,
+                                absl::Duration timeout) {
   Cancellation never_cancelled;
   ServerClock clock(connection, timeout, never_cancelled);
-  return ArrivalOf(basis, asked, clock);
+  return MadeAt(basis, asked, clock);
 }
 
-// An answer, and how it came.
+// An answer, and when it was made at the earliest.
 template <typename Response>
 struct Answered {
   Response message;
-  Arrival arrival;
+  RunningClock::time_point made;
 };
 
 // A question about verdicts; its answer must be about this cell and the requested variant.
@@ -46,8 +47,8 @@ absl::StatusOr<Answered<Response>> Ask(const std::shared_ptr<const Connection>& 
   if (!response.ok()) return response.status();
   const absl::Status usable = RequireBasis(request.variant(), response->basis(), *connection);
   if (!usable.ok()) return usable;
-  const Arrival arrival = ArrivalOf(connection, response->basis(), asked, timeout);
-  return Answered<Response>{.message = *std::move(response), .arrival = arrival};
+  const RunningClock::time_point made = MadeAt(connection, response->basis(), asked, timeout);
+  return Answered<Response>{.message = *std::move(response), .made = made};
 }
 
 void RequireMasks(const v1::Scene& scene) {
@@ -149,8 +150,8 @@ absl::StatusOr<ConfigurationChecks> Client::CheckConfigurations(
   const auto response =
       Ask(connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
-  return UnlessLate(response->arrival, AnswerFrom(response->message, configurations.size(),
-                                                  clearance, response->arrival.made, address()));
+  return UnlessExpired(
+      AnswerFrom(response->message, configurations.size(), clearance, response->made, address()));
 }
 
 absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numbers,
@@ -163,8 +164,7 @@ absl::StatusOr<NumberChecks> Client::CheckNumbers(std::span<const uint32_t> numb
   const auto response =
       Ask(connection_, &v1::CollisionService::Stub::CheckConfigurations, request, timeout_);
   if (!response.ok()) return response.status();
-  return UnlessLate(response->arrival, NumbersFrom(response->message, numbers.size(),
-                                                   response->arrival.made, address()));
+  return UnlessExpired(NumbersFrom(response->message, numbers.size(), response->made, address()));
 }
 
 absl::StatusOr<PathCheck> Client::CheckPath(
@@ -177,8 +177,7 @@ absl::StatusOr<PathCheck> Client::CheckPath(
   const auto response = Ask(connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
   if (separation && !response->message.has_separation()) return NoSeparation(address());
-  return UnlessLate(response->arrival,
-                    AnswerFrom(response->message, clearance, response->arrival.made, address()));
+  return UnlessExpired(AnswerFrom(response->message, clearance, response->made, address()));
 }
 
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
@@ -208,11 +207,9 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
     if (std::exchange(first, false)) {
       const absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
       if (!usable.ok()) return usable;
-      // Late by its beginning: a large space takes long to come.
-      const Arrival arrival = ArrivalOf(connection_, part.basis(), asked, timeout_);
-      basis = FromMessage(part.basis(), arrival.made);
-      DropIfLate(arrival, basis);
-      late = arrival.late();
+      basis = FromMessage(part.basis(), MadeAt(connection_, part.basis(), asked, timeout_));
+      // By its beginning: a large space takes long to come.
+      late = DropIfExpired(basis);
       left_out = part.tiles_left_out();
       if (part.has_grid()) grid = FromMessage(part.grid());
       if (!grid.ok()) return Malformed(address(), grid.status().message());
@@ -246,11 +243,10 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   request.set_variant(variant_);
   const auto response = Ask(connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
   if (!response.ok()) return response.status();
-  Explanation explanation{.basis = FromMessage(response->message.basis(), response->arrival.made),
-                          .verdict = {},
-                          .views = {}};
+  Explanation explanation{
+      .basis = FromMessage(response->message.basis(), response->made), .verdict = {}, .views = {}};
   explanation.verdict = FromMessage(response->message.verdict(), explanation.basis);
-  DropIfLate(response->arrival, explanation);
+  DropIfExpired(explanation);
   for (const v1::ViewExplanation& view : response->message.views()) {
     explanation.views.push_back({.view = view.view(),
                                  .scene_png = view.scene_png(),

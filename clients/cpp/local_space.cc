@@ -195,7 +195,7 @@ class LocalSpace::Impl {
                  .number = number,
                  .skipped_scenes = update.skipped_scenes,
                  .tiles_changed = update.tiles_changed};
-      content.validity = ValidityOf(content.basis, update.valid_for, options_.max_age);
+      content.validity = ValidityOf(content.basis, options_.max_age);
       status_.connected = true;
       status_.problem = absl::OkStatus();
       ++status_.updates;

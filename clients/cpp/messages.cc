@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "clients/cpp/server_clock.h"
 
 namespace silhouette::client {
 namespace {
@@ -105,6 +106,7 @@ Basis FromMessage(const v1::Basis& basis, RunningClock::time_point asked) {
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());
+  result.valid_until = After(asked, FromMessage(basis.valid_for()));
   result.regions = {basis.regions().begin(), basis.regions().end()};
   result.scene_variant = basis.scene_variant();
   return result;

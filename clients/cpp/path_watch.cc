@@ -91,14 +91,7 @@ class PathWatch::Impl {
     absl::StatusOr<PathCheck> check =
         AnswerFrom(response.check(), clearance_, *made, connection_->address());
     if (!check.ok()) return check.status();
-    if (check->verdict.free() && !response.has_valid_for()) {
-      return Malformed(connection_->address(), "it does not state how long it is valid");
-    }
-    const Validity validity =
-        ValidityOf(check->basis, FromMessage(response.valid_for()), absl::InfiniteDuration());
-    PathUpdate update{.check = *std::move(check),
-                      .valid_until = validity.until,
-                      .skipped_scenes = response.skipped_scenes()};
+    PathUpdate update{.check = *std::move(check), .skipped_scenes = response.skipped_scenes()};
     {
       const std::lock_guard lock(mutex_);
       if (newest_) {
@@ -127,7 +120,7 @@ class PathWatch::Impl {
 };
 
 bool PathUpdate::FreeNow() const {
-  return check.verdict.free() && RunningClock::now() < valid_until;
+  return check.verdict.free() && RunningClock::now() < check.basis.valid_until;
 }
 
 PathWatch::PathWatch(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}

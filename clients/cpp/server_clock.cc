@@ -16,14 +16,16 @@ constexpr absl::Duration kLongestFirstRoundTrip = absl::Seconds(3);
 constexpr absl::Duration kLongestRoundTrip = absl::Seconds(1);
 constexpr RunningClock::duration kBetweenRoundTrips = std::chrono::seconds(1);
 
-// The greatest age that is reported: longer durations overflow.
-constexpr absl::Duration kServerTimeVeryLong = absl::Hours(24 * 36500);
-
 absl::Duration SinceEpoch(ServerTime::Time time) {
   return absl::FromChrono(time.time_since_epoch());
 }
 
 }  // namespace
+
+RunningClock::time_point After(RunningClock::time_point time, absl::Duration duration) {
+  constexpr absl::Duration kLongest = absl::Hours(24 * 36500);
+  return time + absl::ToChronoNanoseconds(std::clamp(duration, -kLongest, kLongest));
+}
 
 void ServerTime::Observe(Time asked, Time answered, absl::Duration server_clock) {
   const std::optional<Time> earliest = Earliest(server_clock, answered);
@@ -53,8 +55,7 @@ std::optional<ServerTime::Time> ServerTime::Earliest(absl::Duration server_clock
     return std::nullopt;
   }
   // Rounded up, as all of it.
-  return received - (absl::ToChronoNanoseconds(std::min(waited, kServerTimeVeryLong)) +
-                     std::chrono::nanoseconds(1));
+  return After(received, -waited) - std::chrono::nanoseconds(1);
 }
 
 ServerClock::ServerClock(std::shared_ptr<const Connection> connection, absl::Duration timeout,

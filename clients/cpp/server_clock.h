@@ -14,6 +14,10 @@
 
 namespace silhouette::client {
 
+// The time that is `duration` later. Durations beyond 100 years count as that: longer ones
+// overflow.
+RunningClock::time_point After(RunningClock::time_point time, absl::Duration duration);
+
 // What round trips tell about the server's running clock.
 //
 // Earliest: the earliest time, by this computer's clock, at which the server can have made a

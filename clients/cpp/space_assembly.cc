@@ -49,10 +49,6 @@ absl::Status SpaceAssembly::Begin(const v1::WatchConfigurationSpaceResponse& fir
       .basis = first.basis(), .whole = first.whole(), .skipped_scenes = first.skipped_scenes()};
   if (first.basis().scene_id() == 0) update.unknown = Reason::kNoScene;
   if (first.unknown_reason() != 0) update.unknown = FromMessage(first.unknown_reason());
-  if (!update.unknown && !first.has_valid_for()) {
-    return absl::InternalError("an update does not state how long it is valid");
-  }
-  update.valid_for = FromMessage(first.valid_for());
   if (first.whole()) {
     absl::StatusOr<ConfigurationGrid> grid = FromMessage(first.grid());
     if (!grid.ok()) return grid.status();

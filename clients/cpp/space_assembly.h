@@ -22,8 +22,6 @@ struct SpaceUpdate {
   v1::Basis basis = {};
   // Why every configuration is unknown; kUnspecified for a reason that this library does not know.
   std::optional<Reason> unknown = std::nullopt;
-  // From the time when the update was made.
-  absl::Duration valid_for = absl::ZeroDuration();
   // The first of a stream, or the first of another database, which may have the same generation.
   bool whole = false;
   uint64_t skipped_scenes = 0;

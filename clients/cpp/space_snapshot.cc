@@ -6,18 +6,17 @@
 #include <vector>
 
 #include "clients/cpp/motion_in_map.h"
+#include "clients/cpp/server_clock.h"
 
 namespace silhouette::client {
 
 using Clock = RunningClock;
 
-Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age) {
-  const absl::Duration of_age = max_age - std::max(basis.scene_age, absl::ZeroDuration());
-  // Longer durations overflow.
-  constexpr absl::Duration kVeryLong = absl::Hours(24 * 36500);
-  const absl::Duration valid = std::clamp(std::min(valid_for, of_age), -kVeryLong, kVeryLong);
-  return {.until = basis.asked + absl::ToChronoNanoseconds(valid),
-          .then = valid_for < of_age ? Reason::kUpdateExpired : Reason::kUpdateTooOld};
+Validity ValidityOf(const Basis& basis, absl::Duration max_age) {
+  const Clock::time_point too_old =
+      After(basis.asked, max_age - std::max(basis.scene_age, absl::ZeroDuration()));
+  if (basis.valid_until < too_old) return {basis.valid_until, Reason::kUpdateExpired};
+  return {too_old, Reason::kUpdateTooOld};
 }
 
 SpaceSnapshot::SpaceSnapshot(std::unique_ptr<const Content> content)

@@ -20,9 +20,8 @@ struct Validity {
   Reason then = Reason::kUpdateExpired;
 };
 
-// Of an update that was made at `basis.asked` or later and is valid for `valid_for` from then, but
-// only until the scene is `max_age` old.
-Validity ValidityOf(const Basis& basis, absl::Duration valid_for, absl::Duration max_age);
+// Of an update with this basis, if the scene may be `max_age` old.
+Validity ValidityOf(const Basis& basis, absl::Duration max_age);
 
 struct SpaceSnapshot::Content {
   Basis basis = {};

@@ -134,8 +134,8 @@ Words WordsFor(Reason reason) {
     case Reason::kAnswerLate:
       return {
           "answer late",
-          "the answer of the server was too long on its way: ask again, and look for what holds "
-          "up the network or this computer"};
+          "the answer expired before it came: ask again, and look for what holds up the network, "
+          "this computer or new scenes"};
   }
   return {"unspecified", "the server gave no reason, or one that this program does not know"};
 }

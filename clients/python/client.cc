@@ -156,7 +156,8 @@ void BindWatch(py::module_& module) {
       .def_property_readonly(
           "valid_for",
           [](const PathUpdate& at) {
-            return absl::ToDoubleSeconds(absl::FromChrono(at.valid_until - Clock::now()));
+            return absl::ToDoubleSeconds(
+                absl::FromChrono(at.check.basis.valid_until - Clock::now()));
           },
           "Seconds from now for which it is valid if no update follows.")
       .def_readonly("skipped_scenes", &PathUpdate::skipped_scenes);

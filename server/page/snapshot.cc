@@ -254,7 +254,7 @@ json PathJson(const WatchedPath& path, const Checker& checker, const Moment& now
   if (told == nullptr) return shown;
   const v1::CheckPathResponse& check = told->response.check();
   shown["check"] = JsonOf(check);
-  const absl::Duration left = DurationFrom(told->response.valid_for()) - (now.running - told->at);
+  const absl::Duration left = DurationFrom(check.basis().valid_for()) - (now.running - told->at);
   if (left <= absl::ZeroDuration()) return shown;
   shown["valid_for"] = absl::ToDoubleSeconds(left);
   if (check.verdict().state() == v1::Verdict::STATE_FREE) shown["state"] = NameOf(State::kFree);
@@ -342,16 +342,14 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   }
   // Last: what cannot be rested on by now is unknown.
   v1::Basis basis;
-  absl::Duration valid_for;
-  const Reason blocked = Conclude(serving, served, checker->policy(), &basis, &valid_for);
+  const Reason blocked = Conclude(serving, served, checker->policy(), &basis);
   const Moment now = serving.settings.clock();
   shown["clock"] = absl::ToDoubleSeconds(now.running);
   shown["time"] = absl::ToUnixMillis(now.time);
   shown["basis"] = JsonOf(basis);
   shown["regions"] = RegionsJson(served, now);
   shown["blocked"] = blocked == Reason::kNone ? "" : NameOf(blocked);
-  shown["valid_for"] =
-      valid_for == absl::InfiniteDuration() ? 1e9 : absl::ToDoubleSeconds(valid_for);
+  shown["valid_for"] = std::min(absl::ToDoubleSeconds(DurationFrom(basis.valid_for())), 1e9);
   shown["scene"] = nullptr;
   if (served.scene != nullptr) {
     v1::Scene scene;

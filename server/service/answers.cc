@@ -164,7 +164,7 @@ absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& message,
 }
 
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
-                v1::Basis* basis, absl::Duration* valid_for) {
+                v1::Basis* basis) {
   const Moment now = serving.settings.clock();
   ToMessage(served, policy, now, basis);
   // What has become known of the calibration meanwhile counts, too.
@@ -180,10 +180,9 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
   for (const SceneDefect& defect : DefectsOf(of_now, blocked, serving.settings, now)) {
     ToMessage(defect, basis->add_defects());
   }
-  if (valid_for != nullptr) {
-    *valid_for = blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)
-                                          : absl::ZeroDuration();
-  }
+  ToMessage(blocked == Reason::kNone ? ValidFor(of_now, policy, serving.settings.scene, now)
+                                     : absl::ZeroDuration(),
+            basis->mutable_valid_for());
   return blocked;
 }
 
@@ -279,7 +278,7 @@ void ProofToMessage(const ServedDatabase& database, const PathVerdict& path,
 }  // namespace
 
 absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const Stop& cancelled,
-                    v1::CheckPathResponse* response, absl::Duration* valid_for) {
+                    v1::CheckPathResponse* response) {
   ASSIGN_OR_RETURN(const Checker checker, CheckerFor(serving, request.policy(), request.variant()));
   const ServedDatabase& database = *checker.served().database;
   ASSIGN_OR_RETURN(const auto waypoints, ConfigurationsFrom(request.waypoints(), database.grid(),
@@ -307,7 +306,7 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
         response->mutable_separation()));
   }
   const Reason blocked =
-      Conclude(serving, checker.served(), checker.policy(), response->mutable_basis(), valid_for);
+      Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
   if (blocked != Reason::kNone && response->has_separation()) {
     v1::Separation nothing_known;
     nothing_known.set_range(response->separation().range());

@@ -37,11 +37,11 @@ absl::StatusOr<Policy> PolicyFor(const Serving& serving, const v1::Policy& messa
 absl::StatusOr<Checker> CheckerFor(Serving& serving, const v1::Policy& policy,
                                    const std::string& variant);
 
-// Writes what the answer rests on. Returns why it must not say free after all: the scene may have
-// become too old, or an allowed region ended or revoked, while the answer was made. `valid_for`, if
-// not null, gets how long that stays so.
+// Writes what the answer rests on, and how long it is valid. Returns why it must not say free after
+// all: the scene may have become too old, or an allowed region ended or revoked, while the answer
+// was made.
 Reason Conclude(const Serving& serving, const Served& served, const Policy& policy,
-                v1::Basis* basis, absl::Duration* valid_for = nullptr);
+                v1::Basis* basis);
 
 // The verdict that is returned when the answer is ready.
 Verdict Final(const Verdict& verdict, Reason blocked);
@@ -53,10 +53,9 @@ bool AnsweredAtOnce(const Serving& serving, const v1::CheckConfigurationsRequest
 // deadline has passed or the server stops; then the answer is given up: Cancelled.
 absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& request,
                     const Stop& cancelled, v1::CheckConfigurationsResponse* response);
-// `valid_for`: as in Conclude. ResourceExhausted: it takes more checks than
-// ServingSettings::most_path_checks has it.
+// ResourceExhausted: it takes more checks than ServingSettings::most_path_checks has it.
 absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const Stop& cancelled,
-                    v1::CheckPathResponse* response, absl::Duration* valid_for = nullptr);
+                    v1::CheckPathResponse* response);
 absl::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);
 

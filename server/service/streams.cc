@@ -23,11 +23,8 @@ absl::StatusOr<bool> PathWatch::Prepare() {
                            CalibrationReason(served, now));
   if (state == told_of_) return false;
   v1::WatchPathResponse update;
-  absl::Duration valid_for;
   RETURN_IF_ERROR(Answer(
-      serving(), path_->request, [this] { return cancelled(); }, update.mutable_check(),
-      &valid_for));
-  ToMessage(valid_for, update.mutable_valid_for());
+      serving(), path_->request, [this] { return cancelled(); }, update.mutable_check()));
   const uint64_t scene = update.check().basis().scene_id();
   update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
   told_of_ = state;
@@ -209,8 +206,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
     if (cells && !space->WorkOutCells(tiles, stop)) return absl::CancelledError();
   }
   v1::WatchConfigurationSpaceResponse first;
-  absl::Duration valid_for;
-  const Reason blocked = Conclude(serving(), served, policy, first.mutable_basis(), &valid_for);
+  const Reason blocked = Conclude(serving(), served, policy, first.mutable_basis());
   if (serving().scenes.database() != served.whole) return Prepare();  // it was replaced
   const WatchedState state(served, blocked);
   if (state == told_of_) return false;
@@ -221,7 +217,6 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
     sent_ = nullptr;
   }
   first.set_unknown_reason(ToMessage(blocked));
-  ToMessage(valid_for, first.mutable_valid_for());
   first.set_skipped_scenes(ScenesSkipped(last_scene_, state.scene));
   changed_.clear();
   if (blocked == Reason::kNone && obstacles) AddPlanes(served, policy, &first);

@@ -162,7 +162,7 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
     Json json = JsonOf(check, session.clearance);
     if (update.ok()) {
       json["skipped_scenes"] = latest->skipped_scenes;
-      json["valid_for_s"] = SecondsUntil(latest->valid_until);
+      json["valid_for_s"] = SecondsUntil(latest->check.basis.valid_until);
       lines.PrintUpdate(text + Skipped(latest->skipped_scenes), json);
     } else {
       lines.PrintNews(check.verdict.reason, text, json);

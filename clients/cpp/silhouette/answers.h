@@ -42,9 +42,12 @@ struct Basis {
   std::vector<Defect> defects = {};
   // Robot images are drawn from a model that was not verified with captured ones.
   bool unverified_model = false;
-  // When the question was sent. For messages of a stream: the earliest time at which the server can
-  // have made them.
+  // The earliest time at which the server can have made the answer: when the question was sent, or
+  // later, if a round trip was needed to know that.
   RunningClock::time_point asked = {};
+  // No verdict may be used from then on, if nothing new comes: then the scene is too old, or an
+  // allowed region or the check of the calibration ends.
+  RunningClock::time_point valid_until = RunningClock::time_point::min();
 
   // Age of the oldest image now; never too small, because the time of the question counts, too.
   // Infinite without a scene.

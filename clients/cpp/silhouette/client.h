@@ -15,7 +15,7 @@
 //                     clearances
 //   Internal          the answer is malformed
 // No error is ever a verdict, and a part of an answer is never handed out.
-// An answer that was on its way for more than 0.5 s is unknown, Reason::kAnswerLate.
+// An answer that expired on its way (Basis::valid_until) is unknown, Reason::kAnswerLate.
 #pragma once
 
 #include <cstdint>

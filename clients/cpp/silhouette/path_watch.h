@@ -20,9 +20,7 @@
 namespace silhouette::client {
 
 struct PathUpdate {
-  PathCheck check;
-  // Valid until then if no update follows: then the scene expires or an allowed region ends.
-  RunningClock::time_point valid_until;
+  PathCheck check;  // valid until check.basis.valid_until if no update follows
   // Scenes since the update that Next() returned before, without an update of their own.
   uint64_t skipped_scenes = 0;
 

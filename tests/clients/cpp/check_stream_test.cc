@@ -27,6 +27,7 @@ using Stream = grpc::ServerReaderWriter<Answer, Question>;
 // The basis of an answer that is made now.
 void SetBasis(v1::Basis& basis) {
   basis.set_scene_id(3);
+  basis.mutable_valid_for()->set_seconds(60);
   *basis.mutable_server_clock() =
       ToMessage(absl::FromChrono(RunningClock::now().time_since_epoch()));
 }

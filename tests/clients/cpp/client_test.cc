@@ -28,6 +28,7 @@ v1::Basis GoodBasis() {
   basis.mutable_scene_time()->set_seconds(1000);
   basis.mutable_scene_time()->set_nanos(500'000'000);
   basis.mutable_scene_age()->set_nanos(20'000'000);
+  basis.mutable_valid_for()->set_seconds(60);
   return basis;
 }
 

@@ -16,6 +16,7 @@ TEST(ClientThreads, EachGetsTheAnswerToItsOwnQuestion) {
   server.check_configurations = [](auto&, const v1::CheckConfigurationsRequest& request,
                                    v1::CheckConfigurationsResponse& response) {
     response.mutable_basis()->set_scene_id(1);
+    response.mutable_basis()->mutable_valid_for()->set_seconds(60);
     for (const v1::Configuration& q : request.configurations()) {
       response.add_verdicts()->set_state(q.positions(0) > 0 ? v1::Verdict::STATE_FREE
                                                             : v1::Verdict::STATE_OCCUPIED);

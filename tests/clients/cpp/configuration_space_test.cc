@@ -30,6 +30,7 @@ const ConfigurationGrid& ConfigurationSpaceGrid() {
 Part FirstPart() {
   Part part;
   part.mutable_basis()->set_scene_id(5);
+  part.mutable_basis()->mutable_valid_for()->set_seconds(60);
   Set(ConfigurationSpaceGrid(), part.mutable_grid());
   return part;
 }

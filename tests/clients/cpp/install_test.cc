@@ -32,6 +32,7 @@ void ExpectAnswers(const std::string& build, const std::string& program) {
   server.check_configurations = [](auto&, const v1::CheckConfigurationsRequest& request,
                                    v1::CheckConfigurationsResponse& response) {
     response.mutable_basis()->set_scene_id(1);
+    response.mutable_basis()->mutable_valid_for()->set_seconds(60);
     const bool free = request.configurations(0).positions(0) > 0;
     response.add_verdicts()->set_state(free ? v1::Verdict::STATE_FREE
                                             : v1::Verdict::STATE_OCCUPIED);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An answer that was held up on its way: its scene is older than the server's max_age counted.
+// An answer that was held up on its way until it was no longer valid.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,11 +14,11 @@
 namespace silhouette::client {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 const std::vector<Configuration> kLateOne = {{0.1, 0.2}};
-constexpr std::chrono::milliseconds kHeldUp{800};  // longer than an answer may be on its way
+constexpr std::chrono::milliseconds kValid{500};  // from when an answer is made
+constexpr std::chrono::milliseconds kHeldUp{800};
 
 // A server whose robot is free everywhere. It works before it makes its answers, and holds them up
 // afterwards.
@@ -82,8 +82,9 @@ class LateAnswers : public testing::Test {
   }
 
   static void SetFree(v1::Verdict& verdict) { verdict.set_state(v1::Verdict::STATE_FREE); }
-  static void Stamp(v1::Basis& basis) {
+  void Stamp(v1::Basis& basis) const {
     basis.set_scene_id(3);
+    *basis.mutable_valid_for() = ToMessage(absl::FromChrono(valid_));
     *basis.mutable_scene_age() = ToMessage(absl::Milliseconds(20));
     *basis.mutable_server_clock() =
         ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
@@ -106,6 +107,7 @@ class LateAnswers : public testing::Test {
   }
 
   FakeServer server_;
+  std::chrono::milliseconds valid_ = kValid;
   std::chrono::milliseconds works_{0};
   std::chrono::milliseconds held_up_{0};
   Basis basis_;
@@ -120,7 +122,7 @@ TEST_F(LateAnswers, AreNeverFreeAndSaySo) {
   ASSERT_EQ(basis_.defects.size(), 1u);
   EXPECT_EQ(basis_.defects[0].reason, Reason::kAnswerLate);
   EXPECT_THAT(basis_.defects[0].message,
-              AllOf(HasSubstr("the answer was 0."), HasSubstr(" s on its way, and says nothing")));
+              HasSubstr("the answer was valid for 0.50 s and came after 0."));
   const auto numbers = ClientOfHere(server_).CheckNumbers(std::vector<uint32_t>{0, 1});
   EXPECT_EQ(numbers->StateOf(0), State::kUnknown);
   EXPECT_EQ(numbers->unknown_reason, Reason::kAnswerLate);
@@ -137,6 +139,29 @@ TEST_F(LateAnswers, AreNotThoseThatTheServerWorkedOnForLong) {
   EXPECT_EQ(numbers->StateOf(0), State::kFree);
   const auto space = ClientOfHere(server_).GetConfigurationSpace();
   EXPECT_EQ(space->Count().free, 10u);
+}
+
+TEST_F(LateAnswers, AreNotThoseThatAreStillValid) {
+  held_up_ = kHeldUp;
+  valid_ = std::chrono::minutes(1);
+  for (const Verdict& verdict : AskAll()) EXPECT_TRUE(verdict.free()) << NameOf(verdict.reason);
+  EXPECT_TRUE(basis_.defects.empty());
+}
+
+TEST_F(LateAnswers, AreUnknownIfTheServerVouchesForNoTime) {
+  valid_ = std::chrono::milliseconds(0);
+  for (const Verdict& verdict : AskAll()) EXPECT_EQ(verdict.reason, Reason::kAnswerLate);
+}
+
+TEST_F(LateAnswers, ServerThatDoesNotStateHowLongItsAnswersAreValidIsRefused) {
+  server_.check_path = [](auto&, const auto&, auto& response) {
+    SetFree(*response.mutable_verdict());
+    response.mutable_basis()->set_scene_id(3);
+    return grpc::Status::OK;
+  };
+  const auto path = ClientOfHere(server_).CheckPath(kLateOne);
+  EXPECT_EQ(path.status().code(), absl::StatusCode::kUnimplemented);
+  EXPECT_THAT(std::string(path.status().message()), HasSubstr("how long its answers are valid"));
 }
 
 TEST_F(LateAnswers, AreThoseOfAServerWhoseClockIsNotKnown) {

@@ -164,7 +164,7 @@ TEST(LocalSpace, TurnsUnknownWhenTheServerNoLongerVouches) {
   WatchedServer server;
   const LocalSpace space(LocalSpaceClientOf(server), {.max_age = absl::Minutes(1)});
   SpacePart part = FirstUpdate(BasisOf(3));
-  Set(absl::Milliseconds(400), part.mutable_valid_for());
+  Set(absl::Milliseconds(400), part.mutable_basis()->mutable_valid_for());
   server.Send(part);
   space.WaitForUpdate(0, kLocalSpaceLong);
   ASSERT_TRUE(TurnsUnknown(space, Reason::kUpdateExpired));
@@ -182,7 +182,7 @@ TEST(LocalSpace, MessageThatWaitedOnItsWayIsAsOldAsItIs) {
   ExpectUnknown(space, Reason::kUpdateTooOld);
   // Of what the server vouches for, the time on the way is gone, too.
   SpacePart part = Update(BasisOf(4, absl::Milliseconds(1), /*ago=*/absl::Seconds(5)));
-  Set(absl::Seconds(4), part.mutable_valid_for());
+  Set(absl::Seconds(4), part.mutable_basis()->mutable_valid_for());
   server.Send(part);
   space.WaitForUpdate(snapshot->number(), kLocalSpaceLong);
   ExpectUnknown(space, Reason::kUpdateExpired);
@@ -289,6 +289,7 @@ TEST(LocalSpace, ServerThatTellsNoClockIsTooOld) {
   WatchedServer server;
   server.fake.check_configurations = [](auto&, auto&, v1::CheckConfigurationsResponse& response) {
     response.mutable_basis()->set_scene_id(1);
+    response.mutable_basis()->mutable_valid_for()->set_seconds(60);
     return grpc::Status::OK;
   };
   const LocalSpace space(LocalSpaceClientOf(server));

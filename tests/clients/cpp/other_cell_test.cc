@@ -179,7 +179,6 @@ TEST(OtherCell, BehindOneProxyDoesNotSetTheClockOfAWatch) {
     v1::WatchPathResponse response;
     *response.mutable_check()->mutable_basis() = BasisOfCell("press", 1);
     response.mutable_check()->mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
-    silhouette::Set(absl::Minutes(1), response.mutable_valid_for());
     writer.Write(response);
     return grpc::Status::OK;
   };

@@ -24,7 +24,6 @@ v1::WatchPathResponse Free(const v1::Basis& basis) {
   v1::WatchPathResponse response;
   *response.mutable_check()->mutable_basis() = basis;
   response.mutable_check()->mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
-  Set(absl::Minutes(1), response.mutable_valid_for());
   return response;
 }
 
@@ -93,7 +92,7 @@ TEST(PathWatch, PathThatIsNotFreeIsNot) {
 
 TEST(PathWatch, IsNotFreeAnyMoreWhenTheServerNoLongerVouches) {
   v1::WatchPathResponse response = Free(BasisOf(3));
-  Set(absl::Milliseconds(300), response.mutable_valid_for());
+  Set(absl::Milliseconds(300), response.mutable_check()->mutable_basis()->mutable_valid_for());
   PathServer server({response});
   const auto update = server.Watch().Next(kPathWatchLong);
   ASSERT_TRUE(update.ok()) << update.status();
@@ -201,8 +200,8 @@ TEST(PathWatch, AnswerThatCannotBeUsedIsAnError) {
     return server.Watch(clearance).Next(kPathWatchLong).status().code();
   };
   v1::WatchPathResponse response = Free(BasisOf(3));
-  response.clear_valid_for();
-  EXPECT_EQ(code_of(response, Clearance::kOmit), absl::StatusCode::kInternal);
+  response.mutable_check()->mutable_basis()->clear_valid_for();
+  EXPECT_EQ(code_of(response, Clearance::kOmit), absl::StatusCode::kUnimplemented);
   response = Free(BasisOf(3));
   EXPECT_EQ(code_of(response, Clearance::kMeasure), absl::StatusCode::kUnimplemented);
   response.mutable_check()->mutable_basis()->clear_server_clock();

@@ -44,7 +44,6 @@ TEST(SpaceAssembly, IsReadAsItWasSent) {
   const SpaceUpdate update = Complete(assembly, part);
   EXPECT_EQ(update.basis.scene_id(), 5u);
   EXPECT_FALSE(update.unknown);
-  EXPECT_EQ(update.valid_for, absl::Minutes(1));
   EXPECT_EQ(update.skipped_scenes, 2u);
   EXPECT_EQ(update.tiles_changed, 3u);
   EXPECT_TRUE(update.whole);
@@ -188,9 +187,6 @@ TEST(SpaceAssembly, PartsThatCannotBeAreRefused) {
   part = whole;
   part.mutable_grid()->mutable_joints(0)->set_steps(0);
   IsRefused({part}, "joint 'a'");
-  part = whole;
-  part.clear_valid_for();
-  IsRefused({part}, "how long it is valid");
   part = whole;
   AddTile(part, 4, true);
   IsRefused({part}, "tile 4 is beyond");

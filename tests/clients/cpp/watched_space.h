@@ -47,7 +47,7 @@ inline absl::Duration ServerClockNow() {
   return absl::Hours(1000) + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
 }
 
-// Of `scene`, `age` old when the answer was made, which is `ago`.
+// Of `scene`, `age` old when the answer was made, which is `ago`; valid for a minute from then.
 inline v1::Basis BasisOf(uint64_t scene, absl::Duration age = absl::ZeroDuration(),
                          absl::Duration ago = absl::ZeroDuration()) {
   v1::Basis basis;
@@ -55,16 +55,16 @@ inline v1::Basis BasisOf(uint64_t scene, absl::Duration age = absl::ZeroDuration
   basis.set_scene_id(scene);
   Set(age, basis.mutable_scene_age());
   Set(ServerClockNow() - ago, basis.mutable_server_clock());
+  Set(absl::Minutes(1), basis.mutable_valid_for());
   return basis;
 }
 
-// An update without tiles, in one part, that is valid for a minute.
+// An update without tiles, in one part.
 inline SpacePart Update(const v1::Basis& basis, bool whole = false) {
   SpacePart part;
   *part.mutable_basis() = basis;
   part.set_whole(whole);
   if (whole) Set(WatchedGrid(), part.mutable_grid());
-  Set(absl::Minutes(1), part.mutable_valid_for());
   part.set_last_part(true);
   return part;
 }

@@ -51,7 +51,6 @@ class RecordedServer {
     path.set_client("planner");
     for (const int a : {0, 4}) Set(At(a, 4), path.mutable_request()->add_waypoints());
     *path.mutable_answer()->mutable_check() = test.Path({At(0, 4), At(4, 4)});
-    path.mutable_answer()->mutable_valid_for()->set_seconds(1);
     Take(news);
   }
   void Take(const v1::WatchScenesResponse& news) {

@@ -218,8 +218,8 @@ TEST_F(CalibrationTrustTest, WhatWatchersWereToldIsTakenBack) {
   Tell(Drifted());
   update = watching.Next();
   EXPECT_EQ(update.first.unknown_reason(), v1::Verdict::REASON_CALIBRATION_DOUBTFUL);
-  EXPECT_EQ(update.first.valid_for().seconds(), 0);
-  EXPECT_EQ(update.first.valid_for().nanos(), 0);
+  EXPECT_EQ(update.first.basis().valid_for().seconds(), 0);
+  EXPECT_EQ(update.first.basis().valid_for().nanos(), 0);
   Tell(Holding());
   update = watching.Next();
   EXPECT_EQ(update.first.unknown_reason(), v1::Verdict::REASON_UNSPECIFIED);
@@ -233,7 +233,7 @@ TEST_F(CalibrationTrustTest, VerdictsAreValidNoLongerThanTheCheck) {
   SpaceWatching watching(server);
   SpaceUpdate update = watching.Next();
   while (update.first.unknown_reason() != v1::Verdict::REASON_UNSPECIFIED) update = watching.Next();
-  EXPECT_EQ(update.first.valid_for().nanos(), 300'000'000);
+  EXPECT_EQ(update.first.basis().valid_for().nanos(), 300'000'000);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A server that takes images itself is told which variant shows the robot.
 #include "server/service/answers.h"
+#include "server/service/messages.h"
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
 #include "silhouette/v1/scene_service.pb.h"
@@ -119,12 +120,11 @@ TEST_F(ChangeVariantServiceTest, AnAnswerThatIsUnderWayIsNotFree) {
   ASSERT_TRUE(serving.publisher.Publish(scene, database).ok());
   const Served begun = serving.scenes.Newest(SystemClock());
   v1::Basis basis;
-  absl::Duration valid_for;
-  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kNone);
-  EXPECT_GT(valid_for, absl::ZeroDuration());
+  EXPECT_EQ(Conclude(serving, begun, {}, &basis), Reason::kNone);
+  EXPECT_GT(DurationFrom(basis.valid_for()), absl::ZeroDuration());
   serving.scenes.Withdraw("it has another tool", SystemClock());
-  EXPECT_EQ(Conclude(serving, begun, {}, &basis, &valid_for), Reason::kVariantUnknown);
-  EXPECT_EQ(valid_for, absl::ZeroDuration());
+  EXPECT_EQ(Conclude(serving, begun, {}, &basis), Reason::kVariantUnknown);
+  EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
 }
 
 TEST_F(ChangeVariantServiceTest, AcquisitionAndMetricsTellWhatClientsTold) {

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "server/service/answers.h"
+#include "server/service/messages.h"
 #include "tests/server/service/test_server.h"
 #include "tests/server/service/watching.h"
 
@@ -41,7 +42,7 @@ TEST_F(WatchServiceTest, FirstUpdateIsTheWholeSpace) {
   EXPECT_EQ(update.first.grid().joints_size(), 2);
   EXPECT_EQ(update.first.basis().scene_id(), 1u);
   EXPECT_EQ(update.first.unknown_reason(), kNoReason);
-  EXPECT_EQ(update.first.valid_for().seconds(), 1);
+  EXPECT_EQ(update.first.basis().valid_for().seconds(), 1);
   EXPECT_EQ(update.first.skipped_scenes(), 0u);
   EXPECT_EQ(watching.free(), FreeNow());
 }
@@ -49,8 +50,9 @@ TEST_F(WatchServiceTest, FirstUpdateIsTheWholeSpace) {
 TEST_F(WatchServiceTest, UpdateIsValidUntilItsSceneIsTooOld) {
   server.Publish(EmptyCellScene());
   server.clock.Advance(absl::Milliseconds(400));
-  EXPECT_EQ(SpaceWatching(server).Next().first.valid_for().nanos(), 600'000'000);
-  EXPECT_EQ(PathWatching(server, {At(0, 0)}).Next().valid_for().nanos(), 600'000'000);
+  EXPECT_EQ(SpaceWatching(server).Next().first.basis().valid_for().nanos(), 600'000'000);
+  EXPECT_EQ(PathWatching(server, {At(0, 0)}).Next().check().basis().valid_for().nanos(),
+            600'000'000);
 }
 
 TEST_F(WatchServiceTest, EverySceneIsTold) {
@@ -82,7 +84,7 @@ TEST_F(WatchServiceTest, WithoutSceneAllIsUnknownUntilThereIsOne) {
   SpaceWatching watching(server);
   const SpaceUpdate none = watching.Next();
   EXPECT_EQ(none.first.unknown_reason(), v1::Verdict::REASON_NO_SCENE);
-  EXPECT_EQ(none.first.valid_for().seconds(), 0);
+  EXPECT_EQ(none.first.basis().valid_for().seconds(), 0);
   EXPECT_EQ(none.tiles, 0u);
   server.Publish(SceneWithBlock(3));
   const SpaceUpdate update = watching.Next();
@@ -126,8 +128,8 @@ TEST_F(WatchServiceTest, AllowedRegionIsToldWhenItBeginsAndWhenItEnds) {
   server.Allow("part", 3, absl::Milliseconds(300));
   const SpaceUpdate allowed = watching.Next();
   EXPECT_THAT(allowed.first.basis().regions(), ElementsAre("part"));
-  EXPECT_LE(allowed.first.valid_for().nanos(), 300'000'000);
-  EXPECT_EQ(allowed.first.valid_for().seconds(), 0);
+  EXPECT_LE(allowed.first.basis().valid_for().nanos(), 300'000'000);
+  EXPECT_EQ(allowed.first.basis().valid_for().seconds(), 0);
   EXPECT_NE(watching.free(), with_block);
   server.clock.Advance(absl::Milliseconds(300));
   const SpaceUpdate ended = watching.Next();
@@ -196,12 +198,13 @@ TEST_F(WatchServiceTest, PathIsJudgedAnewWithEveryScene) {
   const v1::WatchPathResponse free = watching.Next();
   EXPECT_EQ(free.check().verdict().state(), v1::Verdict::STATE_FREE);
   EXPECT_EQ(free.check().basis().scene_id(), 2u);
-  EXPECT_EQ(free.valid_for().seconds(), 1);
+  EXPECT_EQ(free.check().basis().valid_for().seconds(), 1);
   server.clock.Advance(absl::Seconds(2));
   const v1::WatchPathResponse stale = watching.Next();
   EXPECT_EQ(stale.check().verdict().state(), v1::Verdict::STATE_UNKNOWN);
   EXPECT_EQ(stale.check().verdict().reason(), kStale);
-  EXPECT_EQ(stale.valid_for().seconds() + stale.valid_for().nanos(), 0);
+  EXPECT_EQ(stale.check().basis().valid_for().seconds() + stale.check().basis().valid_for().nanos(),
+            0);
 }
 
 TEST_F(WatchServiceTest, PathWithoutWaypointsEndsTheCall) {
@@ -225,12 +228,11 @@ TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   ASSERT_TRUE(serving.scenes.Allow("part", pixels, absl::Milliseconds(500), now, database).ok());
   const Served served = serving.scenes.Newest(now);
   v1::Basis basis;
-  absl::Duration valid_for;
-  EXPECT_EQ(Conclude(serving, served, {}, &basis, &valid_for), Reason::kNone);
-  EXPECT_EQ(valid_for, absl::Milliseconds(500));
+  EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kNone);
+  EXPECT_EQ(DurationFrom(basis.valid_for()), absl::Milliseconds(500));
   ASSERT_TRUE(serving.scenes.Revoke("part", now));
-  EXPECT_EQ(Conclude(serving, served, {}, &basis, &valid_for), Reason::kRegionEnded);
-  EXPECT_EQ(valid_for, absl::ZeroDuration());
+  EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kRegionEnded);
+  EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
 }
 
 }  // namespace

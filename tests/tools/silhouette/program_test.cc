@@ -501,6 +501,7 @@ TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
 v1::GetConfigurationSpaceResponse FreeLine() {
   v1::GetConfigurationSpaceResponse part;
   part.mutable_basis()->set_scene_id(1);
+  part.mutable_basis()->mutable_valid_for()->set_seconds(60);
   v1::GridJoint& joint = *part.mutable_grid()->add_joints();
   joint.set_name("a");
   joint.set_upper(1);
@@ -540,6 +541,7 @@ TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
   server.check_configurations = [&](auto&, const v1::CheckConfigurationsRequest& request,
                                     v1::CheckConfigurationsResponse& response) {
     response.mutable_basis()->set_scene_id(1);
+    response.mutable_basis()->mutable_valid_for()->set_seconds(60);
     for (int i = 0; i < request.configurations_size(); ++i) {
       v1::Verdict& verdict = *response.add_verdicts();
       verdict.set_state(calls == 0 ? v1::Verdict::STATE_FREE : v1::Verdict::STATE_UNKNOWN);
