@@ -215,7 +215,8 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
                                 ServerClock& clock) {
   const RunningClock::time_point received = RunningClock::now();
-  if (received < After(asked, FromMessage(basis.valid_for()))) return asked;
+  const absl::Duration valid_for = FromMessage(basis.valid_for());
+  if (valid_for <= absl::ZeroDuration() || received < After(asked, valid_for)) return asked;
   const auto earliest = clock.MadeAt(basis, received);
   return earliest.ok() ? std::max(asked, *earliest) : asked;
 }

@@ -35,8 +35,8 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                                      RunningClock::time_point asked, const std::string& address);
 
 // The earliest time at which the server can have made an answer that has just arrived: when the
-// question was sent, unless the answer would have expired since then. Then a round trip tells the
-// way of the answer from the time that the server worked.
+// question was sent, unless the answer would be valid no more since then. Then a round trip tells
+// the way of the answer from the time that the server worked.
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
                                 ServerClock& clock);
 

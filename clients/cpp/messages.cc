@@ -98,7 +98,8 @@ Basis FromMessage(const v1::Basis& basis, RunningClock::time_point asked) {
   Basis result{.database_generation = basis.database_generation(),
                .scene_id = basis.scene_id(),
                .variant = basis.variant(),
-               .asked = asked};
+               .asked = asked,
+               .valid_until = After(asked, FromMessage(basis.valid_for()))};
   for (const v1::SceneDefect& defect : basis.defects()) {
     result.defects.push_back({FromMessage(defect.reason()), defect.message()});
   }
@@ -106,7 +107,6 @@ Basis FromMessage(const v1::Basis& basis, RunningClock::time_point asked) {
   if (basis.scene_id() == 0) return result;
   result.scene_time = FromMessage(basis.scene_time());
   result.scene_age = FromMessage(basis.scene_age());
-  result.valid_until = After(asked, FromMessage(basis.valid_for()));
   result.regions = {basis.regions().begin(), basis.regions().end()};
   result.scene_variant = basis.scene_variant();
   return result;

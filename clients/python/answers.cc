@@ -85,6 +85,13 @@ void BindBasis(py::module_& module) {
       .def(
           "age", [](const Basis& at) { return Seconds(at.Age()); },
           "Age of that image now, seconds, never too small; None without a scene.")
+      .def_property_readonly(
+          "valid_for",
+          [](const Basis& at) {
+            return absl::ToDoubleSeconds(
+                absl::FromChrono(at.valid_until - client::RunningClock::now()));
+          },
+          "Seconds from now for which the answer is valid, if nothing new comes.")
       .def_readonly("regions", &Basis::regions,
                     "Names of the allowed regions that may have changed verdicts.")
       .def_readonly("variant", &Basis::variant)

@@ -153,13 +153,6 @@ void BindWatch(py::module_& module) {
       .def_property_readonly("free_now", &PathUpdate::FreeNow,
                              "Whether the path is free and the update still valid.")
       .def("__bool__", &PathUpdate::FreeNow)
-      .def_property_readonly(
-          "valid_for",
-          [](const PathUpdate& at) {
-            return absl::ToDoubleSeconds(
-                absl::FromChrono(at.check.basis.valid_until - Clock::now()));
-          },
-          "Seconds from now for which it is valid if no update follows.")
       .def_readonly("skipped_scenes", &PathUpdate::skipped_scenes);
   py::class_<PathWatch>(module, "PathWatch",
                         "A path, watched: iterate over it for a new verdict with every scene. A "

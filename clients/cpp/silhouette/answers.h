@@ -47,7 +47,7 @@ struct Basis {
   RunningClock::time_point asked = {};
   // No verdict may be used from then on, if nothing new comes: then the scene is too old, or an
   // allowed region or the check of the calibration ends.
-  RunningClock::time_point valid_until = RunningClock::time_point::min();
+  RunningClock::time_point valid_until = {};
 
   // Age of the oldest image now; never too small, because the time of the question counts, too.
   // Infinite without a scene.

@@ -128,7 +128,7 @@ figure.savefig(arguments.out / "explanation.png", dpi=110)
 with client.watch_path(waypoints) as watch:
     update = watch.next(timeout=10.0)
     print(f"the path is {'free' if update else 'not free: stop'}, "
-          f"valid for {update.valid_for:.1f} s")
+          f"valid for {update.check.basis.valid_for:.1f} s")
     # for update in watch:
     #     if not update: stop the robot
 

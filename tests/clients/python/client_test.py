@@ -199,7 +199,7 @@ def test_a_watched_path_reports_every_scene_and_ends_with_the_watch(client):
     with client.watch_path([[0, 0.2], [1, 0.2]]) as watch:
         updates = iter(watch)
         first = next(updates)
-        assert first and first.free_now and first.check.free and first.valid_for > 0
+        assert first and first.free_now and first.check.free and first.check.basis.valid_for > 0
         publish(client)
         second = next(updates)
         assert not second and second.check.verdict.state is State.OCCUPIED

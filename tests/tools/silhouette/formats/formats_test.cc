@@ -64,7 +64,7 @@ TEST(SeparationText, SaysHowLongALevelHoldsAndStopAfterwards) {
                                         .valid_until = now + std::chrono::minutes(10)};
   EXPECT_THAT(Spoken(check), HasSubstr("; speed level 2 'fast' for "));
   check.separation->valid_until = now;
-  EXPECT_THAT(Spoken(check), HasSubstr("; stop: the answer of the server was too long on its way"));
+  EXPECT_THAT(Spoken(check), HasSubstr("; stop: the answer expired before it came"));
   const Json json = JsonOf(check, client::Clearance::kOmit)["separation"];
   EXPECT_EQ(json["level"], 0);
   EXPECT_EQ(json["unknown_reason"], "answer late");
