@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/time/time.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -148,10 +149,12 @@ namespace {
 class SampleDrive {
  public:
   SampleDrive(SessionParts& parts, ModelSampler& sampler, std::span<const std::string> link_names,
-              const CaptureObserver& observer)
+              Database& kept, RobotImageWriter& writer, const CaptureObserver& observer)
       : parts_(parts),
         sampler_(sampler),
         link_names_(link_names),
+        kept_(kept),
+        writer_(writer),
         visitor_(parts, observer.say),
         observer_(observer) {}
 
@@ -159,6 +162,7 @@ class SampleDrive {
 
  private:
   absl::Status VisitOne(const Configuration& place, std::vector<ModelSample>& samples);
+  absl::Status Keep(const Configuration& place, const Visit& visit, const std::vector<Mask>& masks);
   absl::StatusOr<Configuration> Here();
   // Why the robot cannot leave.
   absl::Status NoWayFrom(const Configuration& here);
@@ -166,6 +170,8 @@ class SampleDrive {
   SessionParts& parts_;
   ModelSampler& sampler_;
   const std::span<const std::string> link_names_;
+  Database& kept_;
+  RobotImageWriter& writer_;
   Visitor visitor_;
   const CaptureObserver& observer_;
   int misses_ = 0;
@@ -225,21 +231,37 @@ absl::Status SampleDrive::VisitOne(const Configuration& place, std::vector<Model
     return absl::OkStatus();
   }
   misses_ = 0;
+  std::vector<Mask> masks = RobotMasks(parts_, visit);
+  RETURN_IF_ERROR(Keep(place, visit, masks));
   Configuration q(visit.measured.begin(),
                   visit.measured.begin() + parts_.travel->grid().dimensions());
-  samples.push_back({.q = std::move(q), .captured = RobotMasks(parts_, visit)});
+  samples.push_back({.q = std::move(q), .captured = std::move(masks)});
   return absl::OkStatus();
+}
+
+absl::Status SampleDrive::Keep(const Configuration& place, const Visit& visit,
+                               const std::vector<Mask>& masks) {
+  RobotImage image;
+  const std::optional<ConfigurationNumber> number = kept_.grid().Nearest(place);
+  if (!number) return absl::InternalError("the robot was driven beyond its joints' ranges");
+  image.number = *number;
+  image.masks = masks;
+  image.captured = visit.images.captured;
+  image.commanded = parts_.robot.Commanded(place);
+  image.measured = visit.measured;
+  return writer_.Put(image, /*replace=*/true);
 }
 
 }  // namespace
 
-absl::StatusOr<std::vector<ModelSample>> TakeSamples(SessionParts& parts, ModelSampler& sampler,
-                                                     std::span<const std::string> link_names,
-                                                     size_t count,
-                                                     const CaptureObserver& observer) {
-  std::vector<ModelSample> samples;
-  absl::Status status = SampleDrive(parts, sampler, link_names, observer).Go(count, samples);
-  if (status.ok()) return samples;
+absl::Status TakeSamples(SessionParts& parts, ModelSampler& sampler,
+                         std::span<const std::string> link_names, size_t count,
+                         const std::string& program, Database& kept,
+                         std::vector<ModelSample>& samples, const CaptureObserver& observer) {
+  ASSIGN_OR_RETURN(RobotImageWriter writer, kept.Write(program, absl::ZeroDuration()));
+  absl::Status status =
+      SampleDrive(parts, sampler, link_names, kept, writer, observer).Go(count, samples);
+  if (status.ok()) return status;
   const absl::Status stopped = parts.robot.Stop();
   if (!stopped.ok()) {
     observer.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));

@@ -2,57 +2,39 @@
 // silhouette-capture verify-model: compares the model that robot images are drawn from with
 // captured ones.
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "calib/files/calibration_message.h"
 #include "calib/robot/drawn_digest.h"
 #include "capture/session/reference_images.h"
+#include "capture/verification/kept_samples.h"
 #include "capture/verification/model_comparison.h"
 #include "capture/verification/samples.h"
 #include "capture/verification/verified_robot.h"
-#include "common/picture/picture.h"
-#include "common/picture/sheet.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
+#include "tools/silhouette-capture/verify_model_report.h"
 
 namespace silhouette {
 namespace {
 
 constexpr char kVerifyModelProgram[] = "silhouette-capture verify-model";
-constexpr int kPictureScale = 4;
-
-struct VerifyModelOptions {
-  CellArguments cell;
-  uint64_t sample = 300;
-  std::string captured;  // empty: the robot is driven
-  std::string picture;   // empty: beside the database
-  uint64_t seed = 1;
-  std::vector<std::pair<std::string, std::string>> not_checked;
-};
-
-// What is compared.
-struct ModelOfCell {
-  std::unique_ptr<Database> database;
-  DrawnCell cell;
-  DrawnRobot bare;
-  std::vector<std::string> links;
-  std::vector<std::string> views;
-};
 
 absl::StatusOr<ModelOfCell> ModelOf(const VerifyModelOptions& options, const CellFile& file) {
   ASSIGN_OR_RETURN(std::optional<DrawnCell> drawn, DrawnCellOf(file.cell));
@@ -104,10 +86,33 @@ absl::StatusOr<std::vector<std::pair<size_t, size_t>>> NotChecked(const VerifyMo
   return pairs;
 }
 
-// By driving the robot.
-absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions& options,
-                                                       const CellFile& file,
-                                                       const ModelOfCell& model) {
+// Where driven configurations are kept until all are compared, and from then on.
+std::string UnfinishedSamples(const CellFile& file) {
+  return BesideDatabase(file.database, ".verification.part");
+}
+std::string ComparedSamples(const CellFile& file) {
+  return BesideDatabase(file.database, ".verification");
+}
+
+// Those of a drive that ended early.
+absl::StatusOr<std::vector<ModelSample>> SamplesOfBefore(const VerifyModelOptions& options,
+                                                         const CellFile& file,
+                                                         const ModelOfCell& model,
+                                                         const Database& kept) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, kept.Read());
+  if (snapshot.size() == 0) return std::vector<ModelSample>();
+  ASSIGN_OR_RETURN(std::vector<ModelSample> samples,
+                   SamplesIn(kept, model.database->cell(), options.sample,
+                             file.cell.server.scene.fixed_joint_tolerance, options.seed));
+  std::cerr << "going on from " << samples.size() << " configurations in '" << kept.path()
+            << "'; if robot, cell or cameras changed since, move that folder away, and drive again"
+            << std::endl;
+  return samples;
+}
+
+// By driving the robot; `samples` has those that were taken, however it ends.
+absl::Status DriveToSamples(const VerifyModelOptions& options, const CellFile& file,
+                            const ModelOfCell& model, std::vector<ModelSample>& samples) {
   if (!file.cell.workspace) {
     return absl::InvalidArgumentError(absl::StrCat(
         file.cell.file,
@@ -136,15 +141,32 @@ absl::StatusOr<std::vector<ModelSample>> DrivenSamples(const VerifyModelOptions&
                      .references = *std::move(references),
                      .settings = file.cell.capture,
                      .segmentation = file.cell.segmentation};
+  ASSIGN_OR_RETURN(auto kept,
+                   OpenKeptSamples(UnfinishedSamples(file), *model.database, kVerifyModelProgram));
+  ASSIGN_OR_RETURN(samples, SamplesOfBefore(options, file, model, *kept));
+  // Not to the same configurations again.
+  const uint64_t seed = options.seed + samples.size();
   ModelSampler sampler(model.bare, travel.grid().joints(), *file.cell.workspace,
-                       model.cell.forbidden, settings, options.seed);
+                       model.cell.forbidden, settings, seed);
   std::optional<Progress> progress;
   progress.emplace("images", options.sample, "configurations");
   CaptureObserver observer;
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  return TakeSamples(parts, sampler, model.links, options.sample, observer);
+  const absl::Status status = TakeSamples(parts, sampler, model.links, options.sample,
+                                          kVerifyModelProgram, *kept, samples, observer);
+  kept.reset();
+  if (samples.empty()) RemoveDatabase(UnfinishedSamples(file));
+  return status;
+}
+
+// Says how to go on with what is kept.
+void TellKept(const VerifyModelOptions& options, const CellFile& file, size_t kept) {
+  if (kept == 0) return;
+  std::cerr << kept << " of " << options.sample << " configurations are kept in '"
+            << UnfinishedSamples(file) << "'; go on with: " << Again(options, options.sample)
+            << std::endl;
 }
 
 absl::StatusOr<std::vector<ModelSample>> StoredSamples(const VerifyModelOptions& options,
@@ -160,10 +182,6 @@ absl::StatusOr<bool> MayHoldShadows(const VerifyModelOptions& options, const Cel
   if (options.captured.empty()) return file.cell.segmentation.shadows == Shadows::kForeground;
   ASSIGN_OR_RETURN(const auto captured, Database::Open(options.captured, Database::Access::kRead));
   return !absl::StrContains(captured->cell().segmentation(), "shadows: ignore");
-}
-
-double Share(uint64_t part, uint64_t whole) {
-  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
 storage::v1::ModelVerification VerificationOf(const ModelOfCell& model,
@@ -195,146 +213,6 @@ storage::v1::ModelVerification VerificationOf(const ModelOfCell& model,
   return verification;
 }
 
-std::string Percents(uint64_t part, uint64_t whole) {
-  return absl::StrFormat("%.2f", 100 * Share(part, whole));
-}
-
-// How as many configurations as are enough are compared, where `configurations` were.
-std::string LargerSample(const VerifyModelOptions& options, const ModelComparison& found,
-                         size_t configurations) {
-  std::string what = "a larger sample: ";
-  std::string command = options.cell.Command("verify-model");
-  if (!options.captured.empty() && configurations < options.sample) {
-    what = absl::StrCat("a larger sample than all of '", options.captured,
-                        "': capture more there, or drive the robot: ");
-  } else if (!options.captured.empty()) {
-    absl::StrAppend(&command, " --captured ", ForShell(options.captured));
-  }
-  for (const auto& [link, other] : options.not_checked) {
-    absl::StrAppend(&command, " --not-checked ", ForShell(link), " ", ForShell(other));
-  }
-  return absl::StrCat(what, command, " --sample ", found.enough);
-}
-
-// The link that grows most, as a line, if that is much.
-std::string MuchGrowth(const ModelOfCell& model, const ModelComparison& found) {
-  constexpr double kMuch = 0.02;  // metres
-  const std::vector<double> growth = found.LinkGrowth();
-  const auto most = std::ranges::max_element(growth);
-  if (most == growth.end() || *most < kMuch) return "";
-  return absl::StrFormat(
-      "most growth        %.1f cm, link '%s': right if a cable or tool reaches as far, otherwise "
-      "its joint or mesh is wrong; an obstacle within it is in the robot's own image, and may be "
-      "missed\n",
-      100 * *most, model.links[static_cast<size_t>(most - growth.begin())]);
-}
-
-std::string ComparisonText(const VerifyModelOptions& options, const ModelOfCell& model,
-                           const ModelComparison& found, size_t configurations) {
-  Table links{{"link", "growth, cm", "not captured, %"}};
-  for (size_t link = 0; link < model.links.size(); ++link) {
-    const ComparedLink& compared = found.links[link];
-    links.rows.push_back({model.links[link], absl::StrFormat("%.1f", 100 * compared.growth),
-                          Percents(compared.uncaptured, compared.certain)});
-  }
-  Table views{{"view", "missing, %", "unreached, %", "noise, %", "not captured, %", "hidden, %",
-               "shift right", "down", "mean amount"}};
-  for (size_t view = 0; view < model.views.size(); ++view) {
-    const ComparedView& compared = found.views[view];
-    views.rows.push_back({model.views[view], Percents(compared.missing, compared.captured),
-                          Percents(compared.unreached, compared.captured),
-                          Percents(compared.noise, compared.captured),
-                          Percents(compared.uncaptured, compared.certain),
-                          Percents(compared.hidden, compared.certain + compared.hidden),
-                          absl::StrFormat("%.2f", compared.mean_shift.x()),
-                          absl::StrFormat("%.2f", compared.mean_shift.y()),
-                          absl::StrFormat("%.2f", compared.mean_amount)});
-  }
-  std::string further;
-  if (found.further > 0) {
-    further = absl::StrFormat(
-        "of it              %.1f cm in each link that grows, because %d configurations are few; "
-        "less with %s\n",
-        100 * found.further, configurations, LargerSample(options, found, configurations));
-  }
-  return absl::StrCat(
-      absl::StrFormat("compared           %d configurations, %d views\n", configurations,
-                      model.views.size()),
-      TextOf(links), "\n", TextOf(views), "\n",
-      absl::StrFormat("held out           %d masks, %d of them lack a pixel (%d pixels)\n",
-                      found.held_out_masks, found.held_out_missing, found.held_out_pixels),
-      absl::StrFormat("the growth adds    %.1f %% pixels\n", 100 * found.additional), further,
-      MuchGrowth(model, found));
-}
-
-nlohmann::ordered_json ComparisonJson(const ModelOfCell& model, const ModelComparison& found,
-                                      size_t configurations) {
-  nlohmann::ordered_json json = {{"passed", found.faults.empty()},
-                                 {"faults", found.faults},
-                                 {"digest", DigestOf(model.bare)},
-                                 {"configurations", configurations},
-                                 {"held_out_masks", found.held_out_masks},
-                                 {"held_out_missing", found.held_out_missing},
-                                 {"held_out_pixels", found.held_out_pixels},
-                                 {"further", found.further},
-                                 {"enough", found.enough},
-                                 {"additional", found.additional},
-                                 {"links", nlohmann::ordered_json::array()},
-                                 {"views", nlohmann::ordered_json::array()}};
-  for (size_t link = 0; link < model.links.size(); ++link) {
-    const ComparedLink& compared = found.links[link];
-    json["links"].push_back({{"name", model.links[link]},
-                             {"growth", compared.growth},
-                             {"uncaptured", Share(compared.uncaptured, compared.certain)}});
-  }
-  for (size_t view = 0; view < model.views.size(); ++view) {
-    const ComparedView& compared = found.views[view];
-    json["views"].push_back({{"name", model.views[view]},
-                             {"missing", Share(compared.missing, compared.captured)},
-                             {"masks_missing", compared.missing_by},
-                             {"unreached", Share(compared.unreached, compared.captured)},
-                             {"noise", Share(compared.noise, compared.captured)},
-                             {"uncaptured", Share(compared.uncaptured, compared.certain)},
-                             {"hidden", Share(compared.hidden, compared.certain + compared.hidden)},
-                             {"shift", {compared.mean_shift.x(), compared.mean_shift.y()}},
-                             {"mean_amount", compared.mean_amount}});
-  }
-  return json;
-}
-
-// The worst masks: what is drawn, what growth adds, what was captured beyond either, and what
-// certainly shows the robot by its model but was not captured.
-absl::Status WriteWorst(const ModelOfCell& model, const ModelComparison& found,
-                        const std::vector<ModelSample>& samples, const std::string& path) {
-  ASSIGN_OR_RETURN(const DrawnRobot grown, Grown(model.bare, found.LinkGrowth()));
-  std::vector<CaptionedPicture> pictures;
-  for (const WorstMask& worst : found.worst) {
-    const ModelSample& sample = samples[worst.sample];
-    const Mask& captured = sample.captured[worst.view];
-    const Mask bare = model.bare.Touched(sample.q)[worst.view];
-    const Mask all = grown.Touched(sample.q)[worst.view];
-    const Mask certain = model.bare.Covered(sample.q)[worst.view];
-    Picture picture = PictureOf(all, palette::kFaint);
-    picture.setTo(BgrOf(palette::kIgnored), MaskImage(bare));
-    picture.setTo(BgrOf(palette::kRobot), MaskImage(captured & bare));
-    picture.setTo(BgrOf(palette::kTight), MaskImage(certain - captured));
-    picture.setTo(BgrOf(palette::kUnknown), MaskImage((captured & all) - bare));
-    picture.setTo(BgrOf(palette::kObstacle), MaskImage(captured - all));
-    pictures.push_back({Enlarged(picture, kPictureScale),
-                        absl::StrFormat("%s: %d missing, %d not captured", model.views[worst.view],
-                                        worst.missing, worst.uncaptured)});
-  }
-  return WritePng(path,
-                  ContactSheet(pictures, {.title = "Captured and drawn: the worst masks",
-                                          .columns = 0,
-                                          .legend = {{palette::kRobot, "captured and drawn"},
-                                                     {palette::kIgnored, "drawn only"},
-                                                     {palette::kFaint, "added by growth"},
-                                                     {palette::kUnknown, "captured, in growth"},
-                                                     {palette::kObstacle, "captured, missing"},
-                                                     {palette::kTight, "certain, not captured"}}}));
-}
-
 // Says why.
 absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const CellFile& file,
                                      Database& database, const ModelComparison& found,
@@ -362,17 +240,9 @@ absl::StatusOr<ExitCode> RefuseModel(const VerifyModelOptions& options, const Ce
   return kNo;
 }
 
-absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
-  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
-  ASSIGN_OR_RETURN(const ModelOfCell model, ModelOf(options, file));
-  CatchStopSignals();
-  ASSIGN_OR_RETURN(const std::vector<ModelSample> samples,
-                   options.captured.empty() ? DrivenSamples(options, file, model)
-                                            : StoredSamples(options, file, model));
-  if (StopRequested()) {
-    std::cerr << "stopped; nothing was verified" << std::endl;
-    return kNo;
-  }
+absl::StatusOr<ExitCode> CompareSamples(const VerifyModelOptions& options, const CellFile& file,
+                                        const ModelOfCell& model,
+                                        const std::vector<ModelSample>& samples) {
   const ComparisonSettings& settings = file.cell.verification;
   std::optional<Progress> progress;
   progress.emplace("comparison", 2 * samples.size() * model.views.size(), "masks");
@@ -396,6 +266,54 @@ absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
   RETURN_IF_ERROR(model.database->SetVerification(
       VerificationOf(model, found, samples.size(), settings), kVerifyModelProgram));
   return kDone;
+}
+
+// Driven configurations that were compared make room for those of the next drive.
+absl::Status FinishSamples(const CellFile& file) {
+  const std::string compared = ComparedSamples(file);
+  RemoveDatabase(compared);
+  std::error_code error;
+  std::filesystem::rename(UnfinishedSamples(file), compared, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat(
+      "'", UnfinishedSamples(file), "' cannot be renamed: ", error.message(), "; move it away"));
+}
+
+absl::StatusOr<ExitCode> DriveAndCompare(const VerifyModelOptions& options, const CellFile& file,
+                                         const ModelOfCell& model) {
+  std::vector<ModelSample> samples;
+  absl::Status status = DriveToSamples(options, file, model, samples);
+  if (status.ok() && samples.size() < options.sample) {
+    std::cerr << "stopped; nothing was verified" << std::endl;
+    TellKept(options, file, samples.size());
+    return kNo;
+  }
+  absl::StatusOr<ExitCode> code = kNo;
+  if (status.ok()) {
+    code = CompareSamples(options, file, model, samples);
+  } else {
+    code = std::move(status);
+  }
+  if (code.ok()) {
+    RETURN_IF_ERROR(FinishSamples(file));
+    return code;
+  }
+  const ExitCode failed = Report("silhouette-capture", code.status());
+  TellKept(options, file, samples.size());
+  return failed;
+}
+
+absl::StatusOr<ExitCode> VerifyModelRun(const VerifyModelOptions& options) {
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  ASSIGN_OR_RETURN(const ModelOfCell model, ModelOf(options, file));
+  CatchStopSignals();
+  if (options.captured.empty()) return DriveAndCompare(options, file, model);
+  ASSIGN_OR_RETURN(const std::vector<ModelSample> samples, StoredSamples(options, file, model));
+  if (StopRequested()) {
+    std::cerr << "stopped; nothing was verified" << std::endl;
+    return kNo;
+  }
+  return CompareSamples(options, file, model, samples);
 }
 
 }  // namespace

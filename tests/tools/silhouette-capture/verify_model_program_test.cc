@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "capture/verification/kept_samples.h"
 #include "tests/capture/session/program_cell.h"
 #include "tests/folders.h"
 
@@ -15,6 +17,7 @@ namespace silhouette {
 namespace {
 
 using testing::AllOf;
+using testing::AnyOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -138,6 +141,68 @@ TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   EXPECT_THAT(outcome.out, HasSubstr("compared           80 configurations, 2 views"));
   EXPECT_THAT(outcome.out, HasSubstr("the model is verified"));
   EXPECT_TRUE(IsVerified());
+}
+
+// What was taken before a drive ended early is used by the next one, however it ended.
+TEST_F(VerifyModelProgram, StoppedOrKilledDriveLosesNoConfiguration) {
+  MakeDrawn();
+  const std::string part = cell_ / "drawn.lmdb.verification.part";
+  const auto kept = [&] {
+    const auto database = Database::Open(part, Database::Access::kRead);
+    return database.ok() ? (*database)->Read()->size() : 0;
+  };
+  const std::vector<std::string> arguments = {
+      "verify-model", "--cell", cell_ / "drawn.yaml", "--database", cell_ / "drawn.lmdb",
+      "--sample",     "80",     "--not-checked",      "base",       "wrist"};
+  uint64_t before = 0;
+  for (const int signal : {SIGINT, SIGTERM, SIGKILL}) {
+    const pid_t program = cell_.Start(arguments);
+    for (int i = 0; i < 2000 && kept() < before + 3; ++i) absl::SleepFor(absl::Milliseconds(5));
+    kill(program, signal);
+    const Outcome outcome = cell_.Wait(program);
+    EXPECT_EQ(outcome.exit_code, signal == SIGKILL ? -1 : 1) << outcome.err;
+    if (signal != SIGKILL) {
+      EXPECT_THAT(outcome.err,
+                  HasSubstr(absl::StrCat(kept(), " of 80 configurations are kept in '", part,
+                                         "'; go on with: silhouette-capture verify-model --cell ",
+                                         cell_ / "drawn.yaml", " --database ", cell_ / "drawn.lmdb",
+                                         " --not-checked base wrist --sample 80\n")));
+    }
+    ASSERT_GE(kept(), before + 3);
+    before = kept();
+    ASSERT_LT(before, 80u);
+  }
+
+  const Outcome outcome = cell_.Run(arguments);
+  EXPECT_THAT(outcome.exit_code, AnyOf(0, 1)) << "as chance has it, 80 suffice or do not";
+  EXPECT_THAT(outcome.err, HasSubstr(absl::StrCat("going on from ", before, " configurations")));
+  EXPECT_THAT(outcome.out, HasSubstr("compared           80 configurations, 2 views"));
+  // The next drive begins again; the one that was compared can be compared again.
+  EXPECT_FALSE(std::filesystem::exists(part));
+  const Outcome again = Run("verify-model", "drawn.yaml", "drawn.lmdb",
+                            {"--captured", cell_ / "drawn.lmdb.verification"});
+  EXPECT_THAT(again.out, HasSubstr("compared           80 configurations")) << again.err;
+}
+
+TEST_F(VerifyModelProgram, KeptConfigurationsOfOtherReferenceImagesAreNotMixedIn) {
+  MakeDrawn();
+  const std::string part = cell_ / "drawn.lmdb.verification.part";
+  {
+    const auto drawn = *Database::Open(cell_ / "drawn.lmdb", Database::Access::kRead);
+    const auto kept = *OpenKeptSamples(part, *drawn, "test");
+    RobotImage image;
+    image.number = *kept->grid().Nearest(std::vector<double>{0, 0});
+    for (const MaskSize size : kept->mask_sizes()) image.masks.emplace_back(size);
+    auto writer = *kept->Write("test");
+    ASSERT_TRUE(writer.Put(image).ok());
+    ASSERT_TRUE(writer.Commit().ok());
+  }
+  ASSERT_EQ(Run("reference", "drawn.yaml", "drawn.lmdb").exit_code, 0);
+  const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "80"});
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+  EXPECT_THAT(outcome.err, AllOf(HasSubstr("the reference images are others"),
+                                 HasSubstr("move that folder away to begin again")));
+  EXPECT_TRUE(std::filesystem::exists(part));
 }
 
 TEST_F(VerifyModelProgram, TooSmallASampleIsRefusedWithTheCommandOfALargerOne) {
