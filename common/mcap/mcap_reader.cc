@@ -20,6 +20,10 @@ using mcap::Record;
 
 // A greater length is damaged.
 constexpr uint64_t kMostChunkBytes = uint64_t{1} << 30;
+constexpr std::string_view kLz4 = "lz4";
+// Of a chunk: two times, size and checksum of its records. Then compression and length.
+constexpr uint64_t kBeforeCompression = 28;
+constexpr uint64_t kChunkHead = mcap::kRecordHead + kBeforeCompression + 4 + kLz4.size() + 8;
 
 absl::Time TimeOf(uint64_t nanoseconds) {
   return absl::FromUnixNanos(static_cast<int64_t>(nanoseconds));
@@ -46,6 +50,24 @@ std::optional<std::string> Decompressed(std::string_view frame, uint64_t size) {
   return bytes;
 }
 
+absl::Status Fault(std::string_view what) { return absl::DataLossError(std::string(what)); }
+
+// Whether a chunk with LZ4 can begin here, `left` bytes before the end of the file.
+bool CanBeChunk(std::string_view bytes, uint64_t left) {
+  if (bytes[0] != static_cast<char>(Op::kChunk)) return false;
+  Fields fields(bytes.substr(1, kChunkHead - 1));
+  const auto length = fields.Take<uint64_t>();
+  if (length > std::min(left - mcap::kRecordHead, kMostChunkBytes)) return false;
+  fields.TakeBytes(kBeforeCompression);
+  return fields.TakeText() == kLz4 &&
+         fields.Take<uint64_t>() == length - (kChunkHead - mcap::kRecordHead);
+}
+
+uint32_t CrcOf(std::string_view bytes) {
+  return static_cast<uint32_t>(
+      crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& path) {
@@ -60,72 +82,226 @@ absl::StatusOr<std::unique_ptr<McapReader>> McapReader::Open(const std::string& 
     return InvalidArgument(path, " is no MCAP file");
   }
   reader->left_ -= magic.size();
+  reader->unread_ = magic.size();
+  reader->TakeSummary();
   return reader;
 }
 
 McapReader::McapReader(std::string path, uint64_t size)
     : path_(std::move(path)), size_(size), in_(path_, std::ios::binary), left_(size) {}
 
-absl::Status McapReader::Damaged(std::string_view what) const {
-  return absl::DataLossError(absl::StrCat(path_, ": ", std::string(what)));
+void McapReader::Seek(uint64_t place) {
+  in_.clear();
+  in_.seekg(static_cast<std::streamoff>(place));
+  left_ = size_ - place;
+}
+
+void McapReader::TakeSummary() {
+  constexpr uint64_t kFooter = mcap::kRecordHead + mcap::kFooterBytes;
+  constexpr uint64_t kTail = kFooter + mcap::kMagic.size();
+  const uint64_t begin = size_ - left_;
+  if (left_ < kTail) return;
+  Seek(size_ - kTail);
+  std::string tail(kTail, '\0');
+  in_.read(tail.data(), static_cast<std::streamsize>(kTail));
+  Fields footer(std::string_view(tail).substr(mcap::kRecordHead));
+  const auto summary = footer.Take<uint64_t>();
+  footer.Take<uint64_t>();
+  const auto crc = footer.Take<uint32_t>();
+  const uint64_t end = size_ - kTail;
+  if (in_ && tail.ends_with(mcap::kMagic) && summary >= begin && summary < end &&
+      end - summary <= kMostChunkBytes) {
+    Seek(summary);
+    std::string bytes(end - summary, '\0');
+    in_.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+    // It covers the footer up to itself, too.
+    if (in_ && CrcOf(bytes + tail.substr(0, kFooter - sizeof(crc))) == crc) {
+      Fields fields(bytes);
+      while (const std::optional<Record> record = TakeRecord(fields)) {
+        absl::Status status;
+        if (record->op == Op::kSchema) status = TakeSchema(record->content);
+        if (record->op == Op::kChannel) status = TakeChannel(record->content);
+        if (record->op == Op::kStatistics) {
+          all_messages_ = Fields(record->content).Take<uint64_t>();
+        }
+        if (!status.ok()) break;
+      }
+      has_summary_ = !channels_.empty();
+    }
+  }
+  Seek(begin);
 }
 
 absl::StatusOr<std::optional<Op>> McapReader::NextRecord() {
   std::string head(mcap::kRecordHead, '\0');
   record_ = size_ - left_;
-  cut_ = left_ < head.size();
-  if (cut_) return std::nullopt;
+  if (left_ < head.size()) return std::nullopt;
   in_.read(head.data(), static_cast<std::streamsize>(head.size()));
   left_ -= head.size();
   Fields fields(head);
   const Op op{fields.Take<uint8_t>()};
   const auto length = fields.Take<uint64_t>();
-  cut_ = length > left_;
-  if (cut_) return std::nullopt;
-  if (length > kMostChunkBytes) return Damaged("a record has more than a gigabyte");
+  if (length > left_ || length > kMostChunkBytes) return std::nullopt;
   bytes_.resize(length);
   in_.read(bytes_.data(), static_cast<std::streamsize>(length));
   left_ -= length;
-  if (!in_) return Damaged("it cannot be read");
+  if (!in_) return absl::DataLossError(absl::StrCat(path_, ": it cannot be read"));
   return op;
 }
 
 absl::StatusOr<std::optional<McapReader::Message>> McapReader::Next() {
-  while (!ended_) {
-    if (in_chunk_.rest().empty()) {
-      ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
-      ended_ = !op || *op == Op::kDataEnd || *op == Op::kFooter;
-      if (ended_) break;
-      if (*op == Op::kSchema) RETURN_IF_ERROR(TakeSchema(bytes_));
-      if (*op == Op::kChannel) RETURN_IF_ERROR(TakeChannel(bytes_));
-      if (*op == Op::kChunk) RETURN_IF_ERROR(TakeChunk(bytes_));
-      if (*op == Op::kMessage) return MessageFrom(bytes_, {.record = record_});
-      continue;
-    }
-    const Place place{.record = record_, .in_chunk = chunk_.size() - in_chunk_.rest().size()};
-    const std::optional<Record> record = TakeRecord(in_chunk_);
-    if (!record) return Damaged("a record of a chunk goes beyond it");
-    if (record->op == Op::kSchema) RETURN_IF_ERROR(TakeSchema(record->content));
-    if (record->op == Op::kChannel) RETURN_IF_ERROR(TakeChannel(record->content));
-    if (record->op == Op::kMessage) return MessageFrom(record->content, place);
+  std::optional<Message> message;
+  while (!message && !(ended_ && in_chunk_.rest().empty())) {
+    ASSIGN_OR_RETURN(message, in_chunk_.rest().empty() ? TakeNextRecord() : NextInChunk());
+  }
+  if (!message) return message;
+  ++messages_;
+  message->after_damage = std::exchange(after_damage_, false);
+  return message;
+}
+
+absl::StatusOr<std::optional<McapReader::Message>> McapReader::NextInChunk() {
+  const Place place{.record = chunk_record_, .in_chunk = chunk_.size() - in_chunk_.rest().size()};
+  const std::optional<Record> record = TakeRecord(in_chunk_);
+  absl::Status status;
+  if (!record) {
+    status = Fault("a record of a chunk goes beyond it");
+  } else if (record->op == Op::kMessage) {
+    auto message = MessageFrom(record->content, place);
+    if (message.ok()) return message;
+    status = message.status();
+  } else if (record->op == Op::kSchema && !has_summary_) {
+    status = TakeSchema(record->content);
+  } else if (record->op == Op::kChannel && !has_summary_) {
+    status = TakeChannel(record->content);
+  }
+  if (status.ok()) return std::nullopt;
+  in_chunk_ = Fields("");
+  NoteDamage(std::string(status.message()));
+  return std::nullopt;
+}
+
+absl::StatusOr<std::optional<McapReader::Message>> McapReader::TakeNextRecord() {
+  ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
+  if (op) return TakeWhole(*op);
+  if (record_ == size_) {
+    cut_ = true;
+    End();
+  } else {
+    LeaveOut("a record goes beyond the file's end");
   }
   return std::nullopt;
 }
 
+absl::StatusOr<std::optional<McapReader::Message>> McapReader::TakeWhole(Op op) {
+  absl::Status status;
+  switch (op) {
+    case Op::kSchema:
+      if (!has_summary_) status = TakeSchema(bytes_);
+      break;
+    case Op::kChannel:
+      if (!has_summary_) status = TakeChannel(bytes_);
+      break;
+    case Op::kMessage: {
+      auto message = MessageFrom(bytes_, {.record = record_});
+      if (message.ok()) return message;
+      status = message.status();
+      break;
+    }
+    case Op::kChunk:
+      status = TakeChunk(bytes_);
+      break;
+    case Op::kDataEnd:
+      data_ended_ = true;
+      break;
+    case Op::kFooter:
+      if (bytes_.size() == mcap::kFooterBytes && left_ == mcap::kMagic.size()) {
+        End();
+      } else {
+        status = Fault("a record is none that stands there");
+      }
+      break;
+    default:
+      if (!mcap::IsKnown(op)) status = Fault("a record is of no known kind");
+  }
+  if (status.ok()) return std::nullopt;
+  if (!absl::IsDataLoss(status)) return status;
+  if (op == Op::kChunk) unread_ = record_ + 1;  // not this one again
+  LeaveOut(std::string(status.message()));
+  return std::nullopt;
+}
+
+void McapReader::NoteDamage(std::string_view what) {
+  if (damaged_places_++ == 0) {
+    first_damage_ = absl::StrCat("at byte ", record_, " (", std::string(what), ")");
+  }
+  after_damage_ = true;
+}
+
+void McapReader::LeaveOut(std::string_view what) {
+  const bool more = FindChunk();
+  if (more || !data_ended_) NoteDamage(what);
+  if (more) return;
+  cut_ = !all_messages_;
+  End();
+}
+
+bool McapReader::FindChunk() {
+  constexpr uint64_t kBlock = uint64_t{1} << 20;
+  std::string block;
+  for (uint64_t begin = unread_; begin + kChunkHead <= size_; begin += kBlock) {
+    Seek(begin);
+    // Chunks may begin anywhere in it, and their heads go beyond it.
+    block.resize(std::min(size_ - begin, kBlock + kChunkHead - 1));
+    if (!in_.read(block.data(), static_cast<std::streamsize>(block.size()))) return false;
+    for (uint64_t at = 0; at + kChunkHead <= block.size(); ++at) {
+      if (!CanBeChunk(std::string_view(block).substr(at), size_ - begin - at)) continue;
+      Seek(begin + at);
+      unread_ = begin + at;
+      return true;
+    }
+  }
+  return false;
+}
+
+void McapReader::End() {
+  ended_ = true;
+  if (!all_messages_) return;
+  if (messages_ >= *all_messages_) {
+    damaged_places_ = 0;
+    after_damage_ = false;
+  } else if (damaged_places_ == 0) {
+    damaged_places_ = 1;
+    first_damage_ = absl::StrCat("somewhere (", *all_messages_ - messages_, " of ", *all_messages_,
+                                 " messages are missing)");
+    after_damage_ = true;
+  }
+}
+
+std::string McapReader::Damage() const {
+  if (damaged_places_ == 0) return "";
+  return absl::StrCat(
+      "is damaged ", first_damage_,
+      damaged_places_ > 1 ? absl::StrCat(" and in ", damaged_places_ - 1, " further places") : "");
+}
+
 absl::StatusOr<McapReader::Message> McapReader::Read(const Place& place) {
+  const absl::Status changed =
+      absl::DataLossError(absl::StrCat(path_, ": it was changed while it was read"));
   if (chunk_record_ != place.record) {
-    in_.clear();
-    in_.seekg(static_cast<std::streamoff>(place.record));
-    left_ = size_ - place.record;
+    Seek(place.record);
     ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
-    if (op == Op::kMessage) return MessageFrom(bytes_, place);
-    if (op != Op::kChunk) return Damaged("it was changed while it was read");
-    RETURN_IF_ERROR(TakeChunk(bytes_));
+    if (op != Op::kMessage && (op != Op::kChunk || !TakeChunk(bytes_).ok())) return changed;
+    if (op == Op::kMessage) {
+      auto message = MessageFrom(bytes_, place);
+      return message.ok() ? std::move(message) : changed;
+    }
   }
   Fields rest(std::string_view(chunk_).substr(std::min(chunk_.size(), place.in_chunk)));
   const std::optional<Record> record = TakeRecord(rest);
-  if (!record || record->op != Op::kMessage) return Damaged("it was changed while it was read");
-  return MessageFrom(record->content, place);
+  if (!record || record->op != Op::kMessage) return changed;
+  auto message = MessageFrom(record->content, place);
+  return message.ok() ? std::move(message) : changed;
 }
 
 absl::Status McapReader::TakeSchema(std::string_view content) {
@@ -135,7 +311,7 @@ absl::Status McapReader::TakeSchema(std::string_view content) {
   schema.schema_name = fields.TakeText();
   schema.schema_encoding = fields.TakeText();
   schema.schema = fields.TakeText();
-  return fields.failed() ? Damaged("a schema is too short") : absl::OkStatus();
+  return fields.failed() ? Fault("a schema is too short") : absl::OkStatus();
 }
 
 absl::Status McapReader::TakeChannel(std::string_view content) {
@@ -145,7 +321,7 @@ absl::Status McapReader::TakeChannel(std::string_view content) {
   McapChannel channel = schema == schemas_.end() ? McapChannel() : schema->second;
   channel.topic = fields.TakeText();
   channel.message_encoding = fields.TakeText();
-  if (fields.failed()) return Damaged("a channel is too short");
+  if (fields.failed()) return Fault("a channel is too short");
   channels_[id] = std::make_shared<const McapChannel>(std::move(channel));
   return absl::OkStatus();
 }
@@ -159,21 +335,23 @@ absl::Status McapReader::TakeChunk(std::string_view content) {
   const auto crc = fields.Take<uint32_t>();
   const std::string_view compression = fields.TakeText();
   const std::string_view records = fields.TakeBytes(fields.Take<uint64_t>());
-  if (fields.failed() || size > kMostChunkBytes) return Damaged("a chunk's head is damaged");
+  if (fields.failed() || size > kMostChunkBytes) return Fault("a chunk's head is damaged");
   if (compression.empty()) {
     chunk_ = records;
-  } else if (compression == "lz4") {
+  } else if (compression == kLz4) {
     std::optional<std::string> decompressed = Decompressed(records, size);
-    if (!decompressed) return Damaged("a chunk cannot be decompressed");
+    if (!decompressed) return Fault("a chunk cannot be decompressed");
     chunk_ = *std::move(decompressed);
+  } else if (compression != "zstd") {
+    return Fault("a chunk's head is damaged");
   } else {
     return absl::UnimplementedError(absl::StrCat(path_, ": its chunks are compressed with '",
                                                  std::string(compression), "'; known is lz4"));
   }
-  const uLong is = crc32_z(0, reinterpret_cast<const Bytef*>(chunk_.data()), chunk_.size());
-  if (crc != 0 && crc != is) return Damaged("a chunk fails its checksum");
+  if (crc != 0 && crc != CrcOf(chunk_)) return Fault("a chunk fails its checksum");
   in_chunk_ = Fields(chunk_);
   chunk_record_ = record_;
+  unread_ = size_ - left_;
   return absl::OkStatus();
 }
 
@@ -181,13 +359,13 @@ absl::StatusOr<McapReader::Message> McapReader::MessageFrom(std::string_view con
                                                             const Place& place) const {
   Fields fields(content);
   const auto channel = channels_.find(fields.Take<uint16_t>());
-  if (channel == channels_.end()) return Damaged("a message has no channel");
+  if (channel == channels_.end()) return Fault("a message has no channel");
   fields.Take<uint32_t>();  // sequence
   Message message{
       .channel = channel->second, .logged = {}, .published = {}, .place = place, .data = {}};
   message.logged = TimeOf(fields.Take<uint64_t>());
   message.published = TimeOf(fields.Take<uint64_t>());
-  if (fields.failed()) return Damaged("a message is too short");
+  if (fields.failed()) return Fault("a message is too short");
   message.data = fields.rest();
   return message;
 }

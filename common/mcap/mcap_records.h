@@ -26,8 +26,17 @@ enum class Op : uint8_t {
   kDataEnd = 15,
 };
 
+// Private kinds are from 128 on.
+inline bool IsKnown(Op op) {
+  const auto kind = static_cast<uint8_t>(op);
+  return (kind >= static_cast<uint8_t>(Op::kHeader) &&
+          kind <= static_cast<uint8_t>(Op::kDataEnd)) ||
+         kind >= 128;
+}
+
 // Of a record: its kind and the length of what follows.
 inline constexpr size_t kRecordHead = 9;
+inline constexpr size_t kFooterBytes = 20;
 
 // Numbers are written as they lie in memory: x86-64 and ARM have them little-endian.
 template <typename Number>

@@ -6,6 +6,8 @@
 
 #include "absl/memory/memory.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/time.h"
 #include "common/recording/channels.h"
 #include "db/status/status_macros.h"
 
@@ -15,6 +17,10 @@ namespace {
 constexpr char kCameraTopic[] = "/camera/";
 // A picture that is recorded so much before a scene still shows it.
 constexpr absl::Duration kPictureBefore = absl::Milliseconds(300);
+
+std::string TimeText(absl::Time time) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", time, absl::UTCTimeZone());
+}
 
 bool IsFree(const v1::WatchedPath& path) {
   return path.answer().check().verdict().state() == v1::Verdict::STATE_FREE;
@@ -30,20 +36,57 @@ absl::StatusOr<std::unique_ptr<Recording>> Recording::Open(const std::string& pa
     if (!message) break;
     RETURN_IF_ERROR(recording->Take(*message));
   }
+  RecordingSummary& summary = recording->summary_;
+  summary.cut = recording->reader_->cut();
+  if (recording->reader_->Damage().empty()) recording->gaps_.clear();
+  if (recording->reader_->damaged_at_end()) {
+    recording->gaps_.emplace_back(summary.end, absl::InfiniteFuture());
+  }
+  summary.damage = recording->DamageText();
+  if (summary.empty() && !summary.damage.empty()) return absl::DataLossError(summary.damage);
+  if (summary.empty() && recording->others_) {
+    return InvalidArgument(path, ": it is no recording of silhouette-record: no message is of one");
+  }
   if (!recording->databases_.empty()) {
     const v1::GetDatabaseResponse& database = recording->databases_.front().second;
-    recording->summary_.cell = database.cell_name();
-    recording->summary_.generation = database.generation();
+    summary.cell = database.cell_name();
+    summary.generation = database.generation();
   }
-  recording->summary_.cut = recording->reader_->cut();
   return recording;
+}
+
+std::string Recording::DamageText() const {
+  const std::string damage = reader_->Damage();
+  if (damage.empty()) {
+    // A writer begins a file with its first message, and writes at least once a second.
+    return summary_.empty() && summary_.cut && !others_
+               ? absl::StrCat(path_, " is cut: it has no message and no end")
+               : "";
+  }
+  std::vector<std::string> lost;
+  for (const auto& [before, after] : gaps_) {
+    const bool first = before == absl::InfinitePast();
+    const bool last = after == absl::InfiniteFuture();
+    lost.push_back(
+        first && last ? "all of it"
+        : first       ? absl::StrCat("what was before ", TimeText(after))
+        : last        ? absl::StrCat("what came after ", TimeText(before))
+               : absl::StrCat("what was between ", TimeText(before), " and ", TimeText(after)));
+  }
+  constexpr size_t kNamed = 3;
+  const size_t more = lost.size() > kNamed ? lost.size() - kNamed : 0;
+  lost.resize(lost.size() - more);
+  return absl::StrCat(path_, " ", damage, ": lost is ", absl::StrJoin(lost, ", and "),
+                      more > 0 ? absl::StrCat(", and ", more, " further parts") : "");
 }
 
 absl::Status Recording::Take(const McapReader::Message& message) {
   const std::string& type = message.channel->schema_name;
   const std::string& topic = message.channel->topic;
   // Times of a file do not step back; those of a damaged clock are those of the message before.
-  const Entry entry{.time = std::max(message.logged, summary_.end), .place = message.place};
+  const absl::Time time = std::max(message.logged, summary_.end);
+  if (message.after_damage) gaps_.emplace_back(summary_.end, time);
+  const Entry entry{.time = time, .place = message.place, .gaps = gaps_.size()};
   if (type == "silhouette.v1.GetDatabaseResponse") {
     databases_.emplace_back(entry.time, v1::GetDatabaseResponse());
     RETURN_IF_ERROR(Parse(message, databases_.back().second));
@@ -57,7 +100,8 @@ absl::Status Recording::Take(const McapReader::Message& message) {
   } else if (topic.starts_with(kCameraTopic)) {
     pictures_[topic.substr(sizeof(kCameraTopic) - 1)].push_back(entry);
   } else {
-    return absl::OkStatus();  // of others
+    others_ = true;
+    return absl::OkStatus();
   }
   summary_.start = std::min(summary_.start, entry.time);
   summary_.end = entry.time;
@@ -94,9 +138,13 @@ absl::Status Recording::Read(const Entry& entry, google::protobuf::Message& mess
   return Parse(from, message);
 }
 
-const Recording::Entry* Recording::Newest(const std::vector<Entry>& entries, absl::Time time) {
+const Recording::Entry* Recording::Newest(const std::vector<Entry>& entries,
+                                          absl::Time time) const {
   const auto after = std::ranges::upper_bound(entries, time, {}, &Entry::time);
-  return after == entries.begin() ? nullptr : &*std::prev(after);
+  if (after == entries.begin()) return nullptr;
+  const Entry& newest = *std::prev(after);
+  const auto begun = std::ranges::lower_bound(gaps_, time, {}, &Gap::first) - gaps_.begin();
+  return newest.gaps < static_cast<size_t>(begun) ? nullptr : &newest;
 }
 
 absl::StatusOr<RecordedMoment> Recording::At(absl::Time time, absl::Duration longest) {

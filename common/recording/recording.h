@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -28,6 +29,8 @@ struct RecordingSummary {
   std::vector<absl::Time> scenes;  // when each was recorded, ascending
   std::vector<RecordedStop> stops;
   bool cut = false;  // as McapReader::cut
+  // What is lost, one sentence that names the file; empty: nothing, as far as the file shows.
+  std::string damage;
 
   bool empty() const { return end < start; }
 };
@@ -53,14 +56,16 @@ struct RecordedMoment {
 // One file. Not thread-safe.
 class Recording {
  public:
-  // Reads the file from its beginning to its end, and keeps where each message is. Errors: those of
-  // McapReader; DataLoss: a message cannot be parsed.
+  // Reads the file from its beginning to its end, and keeps where each message is. What is damaged
+  // is left out. Errors: those of McapReader; DataLoss: nothing of it can be read;
+  // InvalidArgument: it is a file of another program.
   static absl::StatusOr<std::unique_ptr<Recording>> Open(const std::string& path);
 
   const RecordingSummary& summary() const { return summary_; }
 
   // The moment `time`. A scene holds until the next one, for `longest` after it was recorded; then
-  // there is a gap, and the moment has no scene. OutOfRange: it is before the start or after the
+  // there is a gap, and the moment has no scene. Nothing from before a damaged place holds after it
+  // begins: what came there may have ended it. OutOfRange: it is before the start or after the
   // end. DataLoss: the file was changed since it was opened.
   absl::StatusOr<RecordedMoment> At(absl::Time time, absl::Duration longest);
 
@@ -68,7 +73,9 @@ class Recording {
   struct Entry {
     absl::Time time;
     McapReader::Place place;
+    size_t gaps = 0;  // that are before it
   };
+  using Gap = std::pair<absl::Time, absl::Time>;
   struct PathEntries {
     std::vector<Entry> answers;
     std::optional<absl::Time> ended;
@@ -80,12 +87,16 @@ class Recording {
   absl::Status TakePath(const McapReader::Message& message, const Entry& entry);
   absl::Status Read(const Entry& entry, google::protobuf::Message& message);
   absl::Status Parse(const McapReader::Message& from, google::protobuf::Message& message) const;
-  // The newest that is not after `time`; null: there is none.
-  static const Entry* Newest(const std::vector<Entry>& entries, absl::Time time);
+  // The newest that is not after `time` and holds then; null: there is none.
+  const Entry* Newest(const std::vector<Entry>& entries, absl::Time time) const;
+  std::string DamageText() const;
 
   const std::string path_;
   const std::unique_ptr<McapReader> reader_;
   RecordingSummary summary_;
+  // Damaged places: the times of the messages before and after them, or infinite.
+  std::vector<Gap> gaps_;
+  bool others_ = false;  // there are messages that are not of a Recorder
   std::vector<std::pair<absl::Time, v1::GetDatabaseResponse>> databases_;
   std::vector<Entry> scenes_;
   std::vector<Entry> states_;

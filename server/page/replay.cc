@@ -127,6 +127,9 @@ absl::StatusOr<std::unique_ptr<Replay>> Replay::Open(const std::string& path,
   v1::GetDatabaseResponse served;
   const Policy policy = DefaultPolicy(settings, *database);
   ToMessage(*database, settings, &served);
+  if (summary.cell.empty()) {
+    return FailedPrecondition(path, ": the part that says of which cell it is, is lost");
+  }
   if (summary.cell != served.cell_name()) {
     return FailedPrecondition(path, ": the recording is of the cell '", summary.cell,
                               "', and the cell file is of '", served.cell_name(), "'");
@@ -166,6 +169,7 @@ json Replay::TimeLine() const {
           {"scenes", std::move(scenes)},
           {"stops", std::move(stops)},
           {"cut", recorded.cut},
+          {"damage", recorded.damage},
           {"other_database", recorded.generation != database_->generation()}};
 }
 

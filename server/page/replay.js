@@ -151,6 +151,7 @@ async function open() {
   text($("recording-notes"), [
     timeLine.other_database ? "The recording is of another generation of the database: the map and the outlines are of this one." : "",
     timeLine.cut ? "The recording has no end: it was cut, or is still written." : "",
+    timeLine.damage,
   ].join(" ").trim());
   $("position").oninput = () => go(Number($("position").value));
   $("jump").onchange = () => { if ($("jump").value) go(Number($("jump").value)); };

@@ -315,6 +315,9 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
   settings.segmentation = cell.segmentation;
   settings.joint_slides = cell.joint_slides;
   ASSIGN_OR_RETURN(const auto replay, Replay::Open(options.replay, std::move(database), settings));
+  if (const std::string& damage = replay->summary().damage; !damage.empty()) {
+    spdlog::warn("{}", damage);
+  }
   ASSIGN_OR_RETURN(const auto page, CellPage::Start(options.page, options.insecure, *replay));
   std::cout << "recording at http://" << page->address() << "/" << std::endl;
   sd_notify(0, "READY=1");

@@ -53,6 +53,19 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments,
   return summary.start + after;
 }
 
+// What can be read of the file; says what is lost.
+absl::StatusOr<std::unique_ptr<Recording>> OpenRecording(const std::string& file) {
+  ASSIGN_OR_RETURN(auto recording, Recording::Open(file));
+  const std::string& damage = recording->summary().damage;
+  if (!damage.empty()) std::cerr << "silhouette: " << damage << std::endl;
+  return recording;
+}
+
+// Where a part of the recording is lost.
+ExitCode DoneOr(const RecordingSummary& summary) {
+  return summary.damage.empty() ? kDone : kWorldFailed;
+}
+
 absl::Status InUse(const Client& client) {
   return FailedPrecondition(
       "the server at ", client.address(),
@@ -135,6 +148,9 @@ class ReplayServer {
 
 // Of another generation, answers are of its robot images, not of those of the recording.
 absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseResponse& recorded) {
+  if (recorded.cell_name().empty()) {
+    return FailedPrecondition("the part of the recording that says of which cell it is, is lost");
+  }
   ASSIGN_OR_RETURN(const v1::GetDatabaseResponse served, client.GetDatabase());
   if (served.cell_name() != recorded.cell_name()) {
     return FailedPrecondition("the recording is of the cell '", recorded.cell_name(),
@@ -201,7 +217,7 @@ bool WaitUntil(absl::Time time) {
 }
 
 absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  ASSIGN_OR_RETURN(const auto recording, OpenRecording(arguments.file));
   ASSIGN_OR_RETURN(const auto server, ReplayServer::Connect(session, arguments.to));
   CatchStopSignals();
   const absl::Time began = absl::Now();
@@ -226,7 +242,7 @@ absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arg
                                                        " of them without joint values, as nothing "
                                                        "was known then"),
                            "\n"));
-  return kDone;
+  return DoneOr(summary);
 }
 
 // "free", "occupied", "unknown: no scene"
@@ -280,7 +296,7 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
         "--at asks a server: name one with --to that serves the recording's database and nothing "
         "else");
   }
-  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  ASSIGN_OR_RETURN(const auto recording, OpenRecording(arguments.file));
   ASSIGN_OR_RETURN(const absl::Time time, TimeIn(arguments, recording->summary()));
   ASSIGN_OR_RETURN(const RecordedMoment moment, recording->At(time, kLongest));
   ASSIGN_OR_RETURN(const std::vector<Question> questions, QuestionsAt(session, arguments, moment));
@@ -307,7 +323,7 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
 }
 
 absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments& arguments) {
-  ASSIGN_OR_RETURN(const auto recording, Recording::Open(arguments.file));
+  ASSIGN_OR_RETURN(const auto recording, OpenRecording(arguments.file));
   const RecordingSummary& summary = recording->summary();
   const bool empty = summary.empty();
   Json json = {{"cell", summary.cell},
@@ -315,6 +331,7 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
                {"end", empty ? Json() : Json(Exact(summary.end))},
                {"scenes", summary.scenes.size()},
                {"cut", summary.cut},
+               {"damage", summary.damage},
                {"stops", Json::array()}};
   std::string text =
       empty ? "empty\n"
@@ -331,7 +348,7 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
                     SaidThen(stop.path), "\n");
   }
   PrintResult(session.format, json, text);
-  return kDone;
+  return DoneOr(summary);
 }
 
 absl::StatusOr<ExitCode> Replay(const Session& session, const ReplayArguments& arguments) {
@@ -368,7 +385,9 @@ void AddReplayCommand(CLI::App& program, Session& session) {
       "Without --to and --at: from when to when it is, and its stops. To look at it: "
       "silhouette-server "
       "--replay.\n"
-      "Exit code 1 if a path is not free at that moment.\n\n"
+      "Exit codes: 0 done; 1 a path is not free at that moment; 2 wrong arguments or files; 3 a "
+      "part\n"
+      "of the recording is damaged and was left out, or the server failed.\n\n"
       "Example:\n"
       "  silhouette replay recordings/stop-20260131T120000.123Z.mcap\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --speed 0.5\n"

@@ -48,6 +48,7 @@ struct Read {
   std::vector<McapReader::Message> messages;
   absl::Status status;
   bool cut = false;
+  std::string damage;
 };
 
 Read ReadFile(const std::string& path) {
@@ -61,7 +62,10 @@ Read ReadFile(const std::string& path) {
     read.data.push_back((*message)->data);
     read.messages.push_back(**std::move(message));
   }
-  if (reader.ok()) read.cut = (*reader)->cut();
+  if (reader.ok()) {
+    read.cut = (*reader)->cut();
+    read.damage = (*reader)->Damage();
+  }
   return read;
 }
 
@@ -138,6 +142,10 @@ TEST_F(McapTest, CutFileIsReadUpToItsLastWholeChunk) {
     ASSERT_TRUE(read.cut || last == 4) << length;
   }
   EXPECT_THAT(counts, ElementsAre(0u, 2u, 3u, 4u));
+  // Within the third chunk, where the file that it was cut to shows it.
+  const size_t third = whole.rfind("lz4", whole.rfind("lz4", whole.size() / 2));
+  const Read read = ReadFile(Write(whole.substr(0, third + 9)));
+  EXPECT_THAT(read.damage, HasSubstr("(a record goes beyond the file's end)"));
 }
 
 TEST_F(McapTest, FileThatIsStillWrittenIsRead) {
@@ -146,25 +154,56 @@ TEST_F(McapTest, FileThatIsStillWrittenIsRead) {
   EXPECT_THAT(read.data, SizeIs(4));
 }
 
-TEST_F(McapTest, DamageIsNeverReadAsAMessage) {
+TEST_F(McapTest, DamageIsNamedAndNeverReadAsAMessage) {
   const std::string whole = BytesOf(NewFile());
   const size_t chunk = whole.find("lz4");
   ASSERT_NE(chunk, std::string::npos);
   std::string damaged = whole;
   damaged[chunk - 8] ^= 1;  // the checksum of its records
   const Read read = ReadFile(Write(damaged));
-  EXPECT_TRUE(absl::IsDataLoss(read.status)) << read.status;
-  EXPECT_THAT(read.data, IsEmpty());
-  // Any other byte: no crash, and nothing that was not written.
-  for (size_t i = 0; i < whole.size(); i += 3) {
-    std::string other = whole;
-    other[i] ^= '\x41';
-    for (const std::string& data : ReadFile(Write(other)).data) {
-      ASSERT_THAT(data, ::testing::AnyOf("1", "2", "3", "4")) << i;
+  EXPECT_TRUE(read.status.ok()) << read.status;
+  EXPECT_THAT(read.data, ElementsAre("3", "4")) << "after the chunk";
+  EXPECT_TRUE(read.messages[0].after_damage);
+  EXPECT_FALSE(read.messages[1].after_damage);
+  EXPECT_EQ(read.damage,
+            absl::StrCat("is damaged at byte ", chunk - 41, " (a chunk fails its checksum)"));
+  // Any other byte, or several: no crash, nothing that was not written, and nothing lost unsaid.
+  for (const size_t length : {1, 7, 40}) {
+    for (size_t i = mcap::kMagic.size(); i + length <= whole.size(); ++i) {
+      for (const char flip : {'\x41', '\x08', '\x80'}) {
+        std::string other = whole;
+        for (size_t at = i; at < i + length; ++at)
+          other[at] = length == 1 ? other[at] ^ flip : '\0';
+        const Read found = ReadFile(Write(other));
+        ASSERT_TRUE(found.status.ok()) << found.status;
+        ASSERT_TRUE(std::ranges::is_sorted(found.data)) << i;
+        for (const std::string& data : found.data) {
+          ASSERT_THAT(data, ::testing::AnyOf("1", "2", "3", "4")) << i;
+        }
+        ASSERT_TRUE(found.data.size() == 4 || !found.damage.empty()) << i << " " << length;
+        ASSERT_GE(found.data.size(), 2u) << i << " " << length;
+        for (const auto& message : found.messages) {
+          ASSERT_EQ(message.channel->topic, message.data == "2" ? "/b" : "/a") << i;
+        }
+      }
     }
   }
   EXPECT_TRUE(absl::IsInvalidArgument(ReadFile(Write("no such file")).status));
   EXPECT_TRUE(absl::IsNotFound(ReadFile(folder_ / "none.mcap").status));
+}
+
+// As of a writer that was killed: nothing at its end says what there was.
+TEST_F(McapTest, DamageInAFileWithoutEndIsReadBeforeAndAfter) {
+  const std::string whole = BytesOf(NewFile(/*whole=*/false));
+  const size_t second = whole.find("lz4", whole.find("lz4") + 1);
+  std::string damaged = whole;
+  damaged.replace(second - 41, 60, 60, '\0');
+  const Read read = ReadFile(Write(damaged));
+  EXPECT_TRUE(read.status.ok()) << read.status;
+  EXPECT_THAT(read.data, ElementsAre("1", "2", "4"));
+  EXPECT_TRUE(read.messages[2].after_damage);
+  EXPECT_EQ(read.damage,
+            absl::StrCat("is damaged at byte ", second - 41, " (a record is of no known kind)"));
 }
 
 TEST_F(McapTest, ExistingFileIsKept) {

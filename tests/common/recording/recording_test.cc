@@ -11,12 +11,14 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "tests/test_folder.h"
 
 namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -265,7 +267,7 @@ TEST_F(RecordingTest, PicturesAreThoseOfTheTimeOfTheScene) {
   EXPECT_THAT(pictures(0.9), IsEmpty());
 }
 
-TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
+TEST_F(RecordingTest, DamageIsNamedAndACutIsRead) {
   for (int i = 0; i < 50; ++i) {
     recorder.Take(Scene(static_cast<uint64_t>(i + 1)), Now(0.1 * i));
     ASSERT_TRUE(recorder.Flush().ok());
@@ -282,8 +284,8 @@ TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
   const auto scenes = (*recording)->summary().scenes.size();
   EXPECT_GT(scenes, 0u);
   EXPECT_LT(scenes, 50u);
-  // A changed byte is an error that names the file, if it does not cut it.
-  int errors = 0;
+  // A changed byte loses no more than it must, and what is lost is named with the file.
+  int losses = 0;
   const auto whole = Recording::Open(file);
   for (uint64_t at = 50; at < size; at += 97) {
     std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
@@ -294,10 +296,13 @@ TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
       bytes.put(value).flush();
     };
     put(static_cast<char>(byte ^ 0x55));
-    const absl::Status damaged = Recording::Open(file).status();
-    if (!damaged.ok()) {
-      ++errors;
-      EXPECT_THAT(std::string(damaged.message()), HasSubstr(file));
+    const auto damaged = Recording::Open(file);
+    ASSERT_TRUE(damaged.ok()) << damaged.status();
+    const RecordingSummary& left = (*damaged)->summary();
+    EXPECT_GE(left.scenes.size(), 49u) << "a scene is a chunk";
+    if (left.scenes.size() < 50) {
+      ++losses;
+      EXPECT_THAT(left.damage, AllOf(HasSubstr(file + " is damaged "), HasSubstr("lost is what ")));
     }
     // Changed after it was opened: never another scene.
     const auto moment = (*whole)->At(After(2.05), absl::Seconds(1));
@@ -309,7 +314,72 @@ TEST_F(RecordingTest, DamageIsAnErrorAndACutIsRead) {
     EXPECT_TRUE(!again.ok() || again->scene->id() == 21u);
     put(byte);
   }
-  EXPECT_GT(errors, 10);
+  EXPECT_GT(losses, 10);
+}
+
+// What was lost may have ended all that held before it.
+TEST_F(RecordingTest, NothingFromBeforeDamageHoldsAfterIt) {
+  const auto take = [&](const v1::WatchScenesResponse& news, double seconds) {
+    recorder.Take(news, Now(seconds));
+    ASSERT_TRUE(recorder.Flush().ok());
+  };
+  v1::WatchScenesResponse all = Scene(1);
+  all.MergeFrom(State());
+  all.MergeFrom(Path(7, v1::Verdict::STATE_FREE));
+  take(all, 0);
+  take(State(v1::Verdict::REASON_NO_SCENE), 0.4);
+  take(Scene(2), 0.8);
+  take(State(), 1.2);
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::string file = Files("recording-").at(0);
+  std::string bytes;
+  {
+    std::ifstream in(file, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  const size_t second = bytes.find("lz4", bytes.find("lz4") + 1);
+  bytes.replace(second + 10, 20, 20, '\0');
+  std::ofstream(file, std::ios::binary) << bytes;
+
+  const auto recording = Recording::Open(file);
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  EXPECT_THAT((*recording)->summary().damage,
+              AllOf(HasSubstr(file + " is damaged at byte "),
+                    HasSubstr("lost is what was between 2026-01-31T12:00:00.000Z and "
+                              "2026-01-31T12:00:00.800Z")));
+  const auto at = [&](double seconds) {
+    return *(*recording)->At(After(seconds), absl::Seconds(1));
+  };
+  EXPECT_TRUE(at(0).scene && at(0).state && at(0).paths.size() == 1);
+  EXPECT_FALSE(at(0.2).scene || at(0.2).state || !at(0.2).paths.empty());
+  EXPECT_TRUE(at(0.8).scene);
+  EXPECT_FALSE(at(0.8).state || !at(0.8).paths.empty());
+  EXPECT_TRUE(at(1.2).scene && at(1.2).state);
+}
+
+TEST_F(RecordingTest, WhatIsNoRecordingOrAllLostIsNeverEmpty) {
+  recorder.Take(Scene(1), Now(0));
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::string file = Files("recording-").at(0);
+  std::string bytes;
+  {
+    std::ifstream in(file, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  const std::string other = folder + "/other.mcap";
+  std::ofstream(other, std::ios::binary) << bytes.substr(0, bytes.find("lz4"));
+  EXPECT_EQ(Recording::Open(other).status(),
+            absl::DataLossError(
+                absl::StrCat(other, " is damaged at byte ", bytes.find("lz4") - 41,
+                             " (a record goes beyond the file's end): lost is all of it")));
+  std::ofstream(other, std::ios::binary) << bytes.substr(0, bytes.find("lz4") - 41);
+  EXPECT_EQ(Recording::Open(other).status(),
+            absl::DataLossError(other + " is cut: it has no message and no end"));
+  fs::remove(other);
+  auto writer = *McapWriter::Create(other, {{"/a", "json", "", "", ""}});
+  writer->Add({.channel = 0, .logged = kStart, .published = kStart, .data = "{}"});
+  ASSERT_TRUE(writer->Close().ok());
+  EXPECT_TRUE(absl::IsInvalidArgument(Recording::Open(other).status()));
 }
 
 }  // namespace

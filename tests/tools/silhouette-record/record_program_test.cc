@@ -171,6 +171,21 @@ TEST_F(RecordProgram, ReplayFeedsAServerWithTheSameScenes) {
   }
 }
 
+TEST_F(RecordProgram, WhatIsLeftOfADamagedRecordingIsReplayedAndTheLossIsAFailure) {
+  RecordAStop("");
+  const std::string file = Files("recording-").at(0);
+  std::string bytes = ContentOf(file);
+  const size_t chunk = bytes.find("lz4");
+  bytes.replace(chunk + 12, 8, 8, '\0');
+  std::ofstream(file, std::ios::binary) << bytes;
+  const Ended summary = Replay(file + " --format json");
+  EXPECT_EQ(summary.exit_code, 3);
+  EXPECT_THAT(summary.err, HasSubstr("silhouette: " + file + " is damaged at byte "));
+  if (!summary.out.empty()) {
+    EXPECT_THAT(std::string(Json::parse(summary.out)["damage"]), HasSubstr("lost is what was"));
+  }
+}
+
 TEST_F(RecordProgram, SceneWithDefectsIsNeverFreeInAReplay) {
   Publish(kNothing);
   const auto record = Start("silhouette-record --folder r", "record");
