@@ -163,8 +163,9 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell) {
         "that the robot never takes belong into 'capture: forbidden_regions'",
         cell.file, cell.robot.model->links()[beyond->link].name, beyond->by, FaceName(beyond->face),
         where,
-        cell.robot.drawn ? "no verdict of the sound presets is free"
-                         : "obstacles would not be found"));
+        !cell.robot.drawn ? "obstacles would not be found"
+        : cell.sound      ? "no verdict of the sound presets is free"
+                          : "verify-model does not drive it"));
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }

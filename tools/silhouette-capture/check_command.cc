@@ -26,6 +26,7 @@
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/cell/robot_in_images.h"
 #include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/exchanged_views.h"
 #include "tools/silhouette-capture/opened_cell.h"
 #include "tools/silhouette-capture/run_plan.h"
 
@@ -229,13 +230,27 @@ Findings OfDrawnImages(const CellFile& file) {
   return findings;
 }
 
-// Of a robot whose images are captured; OfDrawnImages has the others.
+// How far the robot leaves it. One whose images are drawn may: nothing is free there.
 Findings OfWorkspace(const Cell& cell) {
-  if (!cell.workspace || cell.robot.drawn) return {};
+  if (!cell.workspace) return {};
   const absl::Status holds = WorkspaceHoldsRobot(cell);
-  if (!holds.ok()) return {{"workspace", false, std::string(holds.message())}};
+  if (!holds.ok()) {
+    const bool may = cell.robot.drawn.has_value();
+    return {{"workspace", may, std::string(holds.message()), may}};
+  }
   if (cell.robot.model == nullptr) return {};
   return {{"workspace", true, "holds the robot at all joint values of the grid"}};
+}
+
+// Only if they are; what cannot be read or does not answer, others report.
+Findings OfExchangedViews(const CellFile& file, const CellDevices& devices) {
+  const auto database = OpenDatabase(file, Database::Access::kRead);
+  if (!database.ok()) return {};
+  const auto exchanged = ExchangedViews(file.cell, **database, *devices.robot, *devices.cameras);
+  Findings findings;
+  if (!exchanged.ok()) return findings;
+  for (const std::string& text : *exchanged) findings.push_back({"calibration", false, text});
+  return findings;
 }
 
 // The database, and what is still to be captured into it.
@@ -297,6 +312,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   if (devices.ok()) {
     add(OfRobot(file.cell, *devices->robot));
     add(OfCameras(file.cell, *devices->cameras));
+    add(OfExchangedViews(file, *devices));
   } else {
     add({{"devices", false, std::string(devices.status().message())}});
   }

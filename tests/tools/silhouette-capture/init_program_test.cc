@@ -202,6 +202,21 @@ TEST_F(NewCell, CheckNamesAWorkspaceThatACapturedRobotLeavesAndWhatItDoubts) {
                                            "rest on images 8 min 20 s old")));
 }
 
+TEST_F(NewCell, CheckSaysHowFarADrawnRobotLeavesItsWorkspace) {
+  ASSERT_EQ(InitSimulated().exit_code, 0);
+  const std::string text =
+      absl::StrReplaceAll(ReadText(cell_.cell()), {{"images: captured", "images: drawn"}});
+  const auto check = [&](const std::string& upper) {
+    WriteText(cell_.cell(),
+              absl::StrCat(text, "workspace: {lower: [-2, -2, -2], upper: ", upper, "}\n"));
+    return cell_.Run(cell_.Arguments("check")).out;
+  };
+  EXPECT_THAT(check("[2, 2, 3]"), HasSubstr("ok     workspace: holds the robot"));
+  EXPECT_THAT(check("[2, 0.7, 3]"),
+              AllOf(HasSubstr("NOTE   workspace: "),
+                    HasSubstr("m beyond the upper face of 'workspace' across y at joint_1 = ")));
+}
+
 TEST_F(NewCell, AFileThatIsThereIsKept) {
   WriteText(cell_.cell(), "mine");
   EXPECT_EQ(InitSimulated().exit_code, 2);

@@ -134,6 +134,19 @@ TEST_F(VerifyModelProgram, CapturedImagesOfAJointThatStoodStillDoNotVerifyItsAxi
   EXPECT_FALSE(IsVerified());
 }
 
+TEST_F(VerifyModelProgram, CheckNamesViewsWhoseCamerasAreExchanged) {
+  MakeDrawn();
+  EXPECT_THAT(Run("check", "drawn.yaml", "drawn.lmdb").out, Not(HasSubstr("exchanged")));
+  const std::string top = ReadText(cell_ / "true/top.cameramodel");
+  WriteText(cell_ / "true/top.cameramodel", ReadText(cell_ / "true/front.cameramodel"));
+  WriteText(cell_ / "true/front.cameramodel", top);
+  Shell("silhouette-db calibration import " + cell_ / "drawn.lmdb" + " " + cell_ / "true");
+  const Outcome checked = Run("check", "drawn.yaml", "drawn.lmdb");
+  EXPECT_EQ(checked.exit_code, 1) << checked.out;
+  EXPECT_THAT(checked.out,
+              HasSubstr("FAULT  calibration: the views 'top' and 'front' are exchanged: in each"));
+}
+
 TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   MakeDrawn();
   const Outcome outcome = Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--sample", "80"});
