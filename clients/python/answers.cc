@@ -51,12 +51,6 @@ Enums& TheEnums() {
 
 py::object Borrowed(PyObject* object) { return py::reinterpret_borrow<py::object>(object); }
 
-std::string TextOf(const Verdict& verdict) {
-  std::string text = client::NameOf(verdict.state);
-  if (verdict.state == State::kUnknown) text += ": " + client::Describe(verdict.reason);
-  return text;
-}
-
 std::optional<double> Seconds(absl::Duration duration) {
   if (duration == absl::InfiniteDuration()) return std::nullopt;
   return absl::ToDoubleSeconds(duration);
@@ -174,6 +168,14 @@ void BindChecks(py::module_& module) {
           },
           "False for an empty request.")
       .def("__len__", [](const Checks& at) { return at.states.size(); })
+      .def("__repr__",
+           [](const Checks& at) {
+             const uint8_t* begin = at.states.data();
+             const auto free =
+                 std::count(begin, begin + at.states.size(), static_cast<uint8_t>(State::kFree));
+             return "<Checks " + std::to_string(free) + " of " + std::to_string(at.states.size()) +
+                    " free, scene " + std::to_string(at.basis.scene_id) + ">";
+           })
       .def("__bool__", [](const Checks&) -> bool {
         throw py::type_error("many verdicts have no truth; use .all_free or .free");
       });
@@ -211,6 +213,12 @@ void BindPath(py::module_& module) {
 }
 
 }  // namespace
+
+std::string TextOf(const Verdict& verdict) {
+  std::string text = client::NameOf(verdict.state);
+  if (verdict.state == State::kUnknown) text += ": " + client::Describe(verdict.reason);
+  return text;
+}
 
 absl::Duration SecondsOf(double seconds, const std::string& what) {
   if (std::isnan(seconds)) throw std::invalid_argument(what + " is not a number of seconds");

@@ -96,6 +96,9 @@ py::object ToPython(client::PathProof proof);
 // A verdict; those without evidence, regions and clearance are shared objects.
 py::object ToPython(client::Verdict verdict);
 
+// "free", "unknown: no scene"
+std::string TextOf(const client::Verdict& verdict);
+
 // Many verdicts in arrays.
 struct Checks {
   Checks(client::Basis of, py::ssize_t size);

@@ -153,7 +153,11 @@ void BindWatch(py::module_& module) {
       .def_property_readonly("free_now", &PathUpdate::FreeNow,
                              "Whether the path is free and the update still valid.")
       .def("__bool__", &PathUpdate::FreeNow)
-      .def_readonly("skipped_scenes", &PathUpdate::skipped_scenes);
+      .def_readonly("skipped_scenes", &PathUpdate::skipped_scenes)
+      .def("__repr__", [](const PathUpdate& at) {
+        const bool expired = at.check.verdict.free() && !at.FreeNow();
+        return "<PathUpdate " + (expired ? "expired" : TextOf(at.check.verdict)) + ">";
+      });
   py::class_<PathWatch>(module, "PathWatch",
                         "A path, watched: iterate over it for a new verdict with every scene. A "
                         "context manager.")

@@ -54,6 +54,22 @@ class JointValues {
   std::span<const double> values_;
 };
 
+// Unknown outside the grid is true of them, too, but not what the caller must mend.
+void RequireJoints(const SpaceSnapshot& snapshot, std::span<const double> q,
+                   const std::string& name) {
+  const ConfigurationGrid* grid = snapshot.grid();
+  if (grid == nullptr || q.size() == static_cast<size_t>(grid->dimensions())) return;
+  throw std::invalid_argument(name + " has " + std::to_string(q.size()) +
+                              " joint values; the grid has " + std::to_string(grid->dimensions()) +
+                              " joints");
+}
+
+client::Verdict CheckOne(const SpaceSnapshot& snapshot, const py::object& q) {
+  const JointValues values(q);
+  RequireJoints(snapshot, values.get(), "q");
+  return snapshot.Check(values.get());
+}
+
 Checks CheckMany(const SpaceSnapshot& snapshot, const Doubles& configurations) {
   if (configurations.ndim() != 2) (void)RowsOf(configurations, "configurations");
   const ConfigurationGrid* grid = snapshot.grid();
@@ -91,6 +107,8 @@ Motion CheckMotion(const SpaceSnapshot& snapshot, const py::handle& from, const 
                    double path_resolution) {
   const JointValues begin(from);
   const JointValues end(to);
+  RequireJoints(snapshot, begin.get(), "start");
+  RequireJoints(snapshot, end.get(), "goal");
   return {
       WithoutLock([&] { return snapshot.CheckMotion(begin.get(), end.get(), path_resolution); }),
       begin.get().size()};
@@ -119,7 +137,13 @@ void BindMotion(py::module_& module) {
       .def_property_readonly("checked", [](const Motion& at) { return at.verdict.checked; })
       .def_property_readonly("proof", [](const Motion& at) { return ToPython(at.verdict.proof); })
       .def_property_readonly("sampled_step",
-                             [](const Motion& at) { return at.verdict.sampled_step; });
+                             [](const Motion& at) { return at.verdict.sampled_step; })
+      .def("__repr__", [](const Motion& at) {
+        const std::string text = TextOf({.state = at.verdict.state, .reason = at.verdict.reason});
+        return "<MotionVerdict " + text +
+               (at.verdict.free() ? "" : ", at fraction " + std::to_string(at.verdict.fraction)) +
+               ">";
+      });
 }
 
 py::object UnknownReason(const SpaceSnapshot& snapshot) {
@@ -170,9 +194,7 @@ void BindSnapshot(py::module_& module) {
       "The verdicts of one scene. They do not change, and are all unknown once they expire.");
   type.def(
       "check",
-      [](const SpaceSnapshot& at, const py::object& q) {
-        return ToPython(at.Check(JointValues(q).get()));
-      },
+      [](const SpaceSnapshot& at, const py::object& q) { return ToPython(CheckOne(at, q)); },
       py::arg("q"), "The verdict for one configuration: (d,) float64, radians or metres.");
   BindChecks<SpaceSnapshot>(type, [](const SpaceSnapshot& at) { return &at; });
   type.def_property_readonly("grid", &SpaceSnapshot::grid,
@@ -266,7 +288,7 @@ void BindLocalSpace(py::module_& module) {
       .def(
           "check",
           [](const PythonSpace& at, const py::object& q) {
-            return ToPython(at.get().Check(JointValues(q).get()));
+            return ToPython(CheckOne(*at.get().Snapshot(), q));
           },
           py::arg("q"), "The verdict for one configuration: (d,) float64, radians or metres.");
   BindChecks<PythonSpace>(type, [](const PythonSpace& at) { return at.get().Snapshot(); });

@@ -69,7 +69,8 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
 
   // The verdict for a configuration, on the grid or off it: the server's verdict, or unknown with
   // the reason (kBetweenGridPoints: off the grid the map may not suffice; see docs/concepts.md). Of
-  // a drawn robot always the server's verdict, in microseconds.
+  // a drawn robot always the server's verdict, in microseconds. With another number of joint values
+  // than grid() has joints: unknown, kOutsideGrid.
   // Without evidence and hidden_possible; names all allowed regions of the scene.
   Verdict Check(std::span<const double> q) const;
   Verdict Check(std::initializer_list<double> q) const {

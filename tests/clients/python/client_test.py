@@ -200,9 +200,11 @@ def test_a_watched_path_reports_every_scene_and_ends_with_the_watch(client):
         updates = iter(watch)
         first = next(updates)
         assert first and first.free_now and first.check.free and first.check.basis.valid_for > 0
+        assert repr(first) == "<PathUpdate free>"
         publish(client)
         second = next(updates)
         assert not second and second.check.verdict.state is State.OCCUPIED
+        assert repr(second) == "<PathUpdate occupied>"
         with pytest.raises(silhouette.DeadlineExceeded):
             watch.next(timeout=0.01)
     assert list(watch) == []

@@ -44,6 +44,15 @@ def test_verdicts_are_those_of_the_server(client):
         assert (snapshot.check_numbers(numbers.ravel()).free == ~TRUTH.ravel()).all()
         with pytest.raises(ValueError, match="3 joint values a row; the grid has 2 joints"):
             snapshot.check_many(np.zeros((4, 3)))
+        for at in (space, snapshot):
+            with pytest.raises(ValueError, match="q has 3 joint values; the grid has 2 joints"):
+                at.check([0.0, 0.0, 0.0])
+            with pytest.raises(ValueError, match="goal has 1 joint values; the grid has 2 joints"):
+                at.check_motion([0.0, 0.0], np.zeros(1))
+        free = int((~TRUTH).sum())
+        assert repr(snapshot.check_numbers(numbers.ravel())) == f"<Checks {free} of {TRUTH.size} free, scene 1>"
+        assert repr(snapshot.check_motion([0.0, 0.0], [0.0, 0.0])) == "<MotionVerdict free>"
+        assert repr(snapshot.check_motion([9.0, 0.0], [9.0, 0.0])).startswith("<MotionVerdict unknown: ")
 
 
 def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
@@ -113,10 +122,13 @@ def test_what_is_no_configuration_is_an_error(client, wrong):
             space.check(wrong)
 
 
-def test_a_configuration_with_other_joints_is_unknown(client):
+def test_a_configuration_with_other_joints_is_an_error_and_without_a_value_unknown(client):
     publish(client)
     with silhouette.LocalSpace(client, max_age=600.0) as space:
         usable(space, 1)
-        for q in ([], [0.0], [0.0, 0.0, 0.0], [np.nan, 0.0]):
+        for q in ([], [0.0], [0.0, 0.0, 0.0]):
+            for values in (q, np.array(q)):
+                with pytest.raises(ValueError, match="joint values; the grid has 2 joints"):
+                    space.check(values)
+        for q in ([np.nan, 0.0], np.array([np.nan, 0.0])):
             assert space.check(q).state is State.UNKNOWN
-            assert space.check(np.array(q)).state is State.UNKNOWN
