@@ -94,12 +94,47 @@ storage::v1::CameraModel ReadCamera(const YamlNode& root) {
   return camera;
 }
 
+std::optional<LensRegion> ReadRegion(const YamlNode& root) {
+  YamlMap map(root);
+  const auto contour = map.Optional("valid_intrinsics_region");
+  if (!contour) return std::nullopt;
+  LensRegion region;
+  for (const YamlNode& point : contour->Items()) {
+    const std::vector<double> xy = point.Values<double>(2);
+    region.contour.emplace_back(xy[0], xy[1]);
+  }
+  const auto& line = region.contour;
+  if (!line.empty() && (line.size() < 4 || (line.front() - line.back()).norm() > 1e-3)) {
+    contour->Fail(
+        "is no closed line; give four points [x, y] or more, the last one equal to the first, or "
+        "leave it out");
+  }
+  if (const auto sigma = map.Optional("valid_intrinsics_sigma")) region.sigma = sigma->AsPositive();
+  return region;
+}
+
 void Exactly(std::string* out, double value) { absl::StrAppendFormat(out, "%.17g", value); }
+
+std::string RegionText(const std::optional<LensRegion>& region) {
+  if (!region) return "";
+  std::string text =
+      ",\n\n    # where the lens is known, and to how many pixels (standard deviation)\n"
+      "    'valid_intrinsics_region': [";
+  for (const Eigen::Vector2d& point : region->contour) {
+    absl::StrAppendFormat(&text, "\n    [ %.17g, %.17g ],", point.x(), point.y());
+  }
+  absl::StrAppend(&text, " ]");
+  if (region->sigma) {
+    absl::StrAppendFormat(&text, ",\n    'valid_intrinsics_sigma': %.17g", *region->sigma);
+  }
+  return text;
+}
 
 template <typename Three>
 std::string FileText(const std::string& lens_model, const std::vector<double>& intrinsics,
                      int image_width, int image_height, const Three& rotation,
-                     const Three& translation, const std::string& view) {
+                     const Three& translation, const std::string& view,
+                     const std::optional<LensRegion>& known) {
   const auto numbers = [](const auto& values) { return absl::StrJoin(values, ", ", Exactly); };
   return absl::StrCat(
       "# Camera model of the view ", CameraFileName(view), "\n{\n    'lensmodel':  '", lens_model,
@@ -108,7 +143,7 @@ std::string FileText(const std::string& lens_model, const std::vector<double>& i
       " ],\n\n    # rotation vector and translation from the world to the camera; radians, metres\n"
       "    'extrinsics': [ ",
       numbers(rotation), ", ", numbers(translation), " ],\n\n    'imagersize': [ ", image_width,
-      ", ", image_height, " ]\n}\n");
+      ", ", image_height, " ]", RegionText(known), "\n}\n");
 }
 
 }  // namespace
@@ -126,29 +161,49 @@ std::string CameraFileName(const std::string& view) {
   return name + kCameraFileExtension;
 }
 
-std::string CameraFileText(const CameraModel& camera, const std::string& view) {
-  return CameraFileText(MessageOf(camera), view);
-}
+namespace {
 
-std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view) {
+std::string StoredFileText(const storage::v1::CameraModel& camera, const std::string& view,
+                           const std::optional<LensRegion>& known) {
   std::vector<double> intrinsics = {camera.fx(), camera.fy(), camera.cx(), camera.cy()};
   intrinsics.insert(intrinsics.end(), camera.distortion().begin(), camera.distortion().end());
   return FileText(NameOfLensModel(camera.distortion_size()), intrinsics, camera.image_width(),
-                  camera.image_height(), camera.rotation(), camera.translation(), view);
+                  camera.image_height(), camera.rotation(), camera.translation(), view, known);
+}
+
+}  // namespace
+
+std::string CameraFileText(const CameraModel& camera, const std::string& view,
+                           const std::optional<LensRegion>& known) {
+  return StoredFileText(MessageOf(camera), view, known);
+}
+
+std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view) {
+  return StoredFileText(camera, view, std::nullopt);
 }
 
 std::string CameraFileText(const std::string& lens_model, const std::vector<double>& intrinsics,
                            int image_width, int image_height,
-                           const Eigen::Isometry3d& camera_from_world, const std::string& view) {
+                           const Eigen::Isometry3d& camera_from_world, const std::string& view,
+                           const std::optional<LensRegion>& known) {
   return FileText(lens_model, intrinsics, image_width, image_height,
                   RotationVectorOf(camera_from_world),
-                  Eigen::Vector3d(camera_from_world.translation()), view);
+                  Eigen::Vector3d(camera_from_world.translation()), view, known);
 }
 
 absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string& text,
                                                               const std::string& file) {
   try {
     return ReadCamera(YamlNode::FromText(YamlOf(text), file));
+  } catch (const YamlError& error) {
+    return InvalidArgument(error.what());
+  }
+}
+
+absl::StatusOr<std::optional<LensRegion>> LensRegionFromText(const std::string& text,
+                                                             const std::string& file) {
+  try {
+    return ReadRegion(YamlNode::FromText(YamlOf(text), file));
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());
   }
@@ -445,7 +500,8 @@ absl::StatusOr<ForeignCamera> CameraFromForeignText(const std::string& text,
       CameraIntrinsics checked = camera.intrinsics();
       SetSize(YamlNode::FromText("{}", file), std::array<int, 2>{checked.width, checked.height},
               options, checked);
-      return ForeignCamera{camera, "mrcal"};
+      ASSIGN_OR_RETURN(const auto known, LensRegionFromText(text, file));
+      return ForeignCamera{.camera = camera, .format = "mrcal", .known = known};
     }
     std::string yaml = YamlOfNumbers(text);
     if (yaml.empty()) yaml = text.starts_with("<?xml") ? YamlOfXml(text) : AsYaml(text);

@@ -6,6 +6,10 @@
 //   intrinsics   fx, fy, cx, cy, then the distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]]
 //   extrinsics   from the world to the camera: rotation vector (radians), translation (metres)
 //   imagersize   width, height
+//   valid_intrinsics_region   where the lens is known: the points [x, y] of a closed line in
+//   pixels,
+//                             the last one equal to the first; [] for nowhere. Optional
+//   valid_intrinsics_sigma    LensRegion::sigma, if this project's programs found the region
 //
 // and others, which are skipped. Numbers are written so that reading gives the same ones.
 #pragma once
@@ -17,6 +21,7 @@
 
 #include "absl/status/statusor.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/lens_region.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
@@ -28,14 +33,16 @@ inline constexpr char kCameraFileExtension[] = ".cameramodel";
 std::string CameraFileName(const std::string& view);
 
 // The pose to within a rounding error, all else to the bit.
-std::string CameraFileText(const CameraModel& camera, const std::string& view);
+std::string CameraFileText(const CameraModel& camera, const std::string& view,
+                           const std::optional<LensRegion>& known = std::nullopt);
 // As it is stored, to the bit.
 std::string CameraFileText(const storage::v1::CameraModel& camera, const std::string& view);
 // Any lens model of mrcal's, by its name and with the parameters it has. Those that CameraModel
 // holds are written so that all of this project's programs read them, others as mrcal does.
 std::string CameraFileText(const std::string& lens_model, const std::vector<double>& intrinsics,
                            int image_width, int image_height,
-                           const Eigen::Isometry3d& camera_from_world, const std::string& view);
+                           const Eigen::Isometry3d& camera_from_world, const std::string& view,
+                           const std::optional<LensRegion>& known = std::nullopt);
 
 // `file`: what messages call it. InvalidArgument with file and line: not such a file, a key that is
 // missing, another lens model, too few or too many numbers, values that are no camera.
@@ -43,6 +50,11 @@ absl::StatusOr<CameraModel> CameraFromText(const std::string& text, const std::s
 // As it is to be stored, to the bit; the values may be no camera.
 absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string& text,
                                                               const std::string& file);
+
+// Where the lens is known; nothing if the file does not state it. InvalidArgument with file and
+// line: not such a file, or no closed line.
+absl::StatusOr<std::optional<LensRegion>> LensRegionFromText(const std::string& text,
+                                                             const std::string& file);
 
 // Camera files of other programs. Their keys tell the formats apart:
 //
@@ -64,6 +76,7 @@ struct ForeignCamera {
   // OpenCV's coefficients were four, taken for k1, k2, p1, p2, and nothing says that they are not
   // those of cv2.fisheye.
   bool may_be_fisheye = false;
+  std::optional<LensRegion> known = std::nullopt;  // of mrcal's files
 };
 
 struct ForeignCameraOptions {

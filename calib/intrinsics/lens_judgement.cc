@@ -134,6 +134,35 @@ LensMap MapOf(const LensSolution& solution, size_t i, double most_uncertain) {
   return map;
 }
 
+// Between the map's places.
+double SigmaAt(const LensMap& map, const Eigen::Vector2d& place) {
+  const int column = std::min(static_cast<int>(place.x()), map.columns - 2);
+  const int row = std::min(static_cast<int>(place.y()), map.rows - 2);
+  const auto along = [&](int y) {
+    const auto first = static_cast<size_t>(y * map.columns + column);
+    return std::lerp(map.sigmas[first], map.sigmas[first + 1], place.x() - column);
+  };
+  const double sigma = std::lerp(along(row), along(row + 1), place.y() - row);
+  return std::isfinite(sigma) ? sigma : std::numeric_limits<double>::infinity();
+}
+
+// Around the map from its top left place, which comes last, too.
+std::vector<Eigen::Vector2d> PlacesOfRim(const LensMap& map) {
+  const int right = map.columns - 1;
+  const int bottom = map.rows - 1;
+  std::vector<Eigen::Vector2d> places;
+  for (int x = 0; x < right; ++x) places.emplace_back(x, 0);
+  for (int y = 0; y < bottom; ++y) places.emplace_back(right, y);
+  for (int x = right; x > 0; --x) places.emplace_back(x, bottom);
+  for (int y = bottom; y >= 0; --y) places.emplace_back(0, y);
+  return places;
+}
+
+// Twice the area of a triangle.
+double Turn(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
+  return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x());
+}
+
 double FocalLengthSigma(const LensSolution& solution, size_t i) {
   const SolvedCamera& camera = solution.cameras[i];
   const LensGroup& group = solution.groups[camera.group];
@@ -245,6 +274,29 @@ double LensMap::KnownShare() const {
   return all > 0 ? known / all : 0;
 }
 
+LensRegion LensMap::Region(int width, int height) const {
+  LensRegion region{.sigma = limit};
+  const auto best = static_cast<int>(std::ranges::min_element(sigmas) - sigmas.begin());
+  if (sigmas.empty() || !Known(static_cast<size_t>(best))) return region;
+  const Eigen::Vector2d from(best % columns, best / columns);
+  auto& line = region.contour;
+  for (const Eigen::Vector2d& to : PlacesOfRim(*this)) {
+    constexpr int kSteps = 200;
+    int known = 0;
+    while (known < kSteps && SigmaAt(*this, from + (known + 1.0) / kSteps * (to - from)) <= limit) {
+      ++known;
+    }
+    const Eigen::Vector2d place = from + 1.0 * known / kSteps * (to - from);
+    const Eigen::Vector2d point(place.x() / (columns - 1) * width - 0.5,
+                                place.y() / (rows - 1) * height - 0.5);
+    // The last point is needless if it is on the way to this one.
+    if (line.size() > 1 && Turn(line.end()[-2], line.back(), point) == 0) line.pop_back();
+    line.push_back(point);
+  }
+  if (line.size() < 4) line.clear();
+  return region;
+}
+
 absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSettings& settings,
                          LensSolution& solution) {
   AddStatistics(solution);
@@ -256,6 +308,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
       return InvalidArgument("view '", camera.name,
                              "': none of its corners fits; the lens or the board is another");
     }
+    camera.known = cameras[i].known;
     if (cameras[i].fixed) continue;
     const Eigen::Vector2d middle((camera.width - 1) / 2.0, (camera.height - 1) / 2.0);
     camera.focal_length_sigma = FocalLengthSigma(solution, i);
@@ -263,6 +316,7 @@ absl::Status JudgeLenses(const std::vector<LensCamera>& cameras, const LensSetti
                               .value_or(std::numeric_limits<double>::infinity());
     camera.edge_sigma = EdgeSigma(solution, i);
     camera.map = MapOf(solution, i, settings.most_uncertain);
+    camera.known = camera.map.Region(camera.width, camera.height);
     RETURN_IF_ERROR(JudgeCamera(settings, seen[i], camera, solution.warnings));
   }
   for (const LensGroup& group : solution.groups) {

@@ -304,7 +304,7 @@ std::optional<double> ProjectionSigma(const LensSolution& solution, size_t camer
 
 std::string LensFileText(const SolvedCamera& camera) {
   return CameraFileText(camera.lens_model, camera.intrinsics, camera.width, camera.height,
-                        camera.camera_from_reference, camera.name);
+                        camera.camera_from_reference, camera.name, camera.known);
 }
 
 }  // namespace silhouette

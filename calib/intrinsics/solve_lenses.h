@@ -19,6 +19,7 @@
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/lens_region.h"
 #include "calib/intrinsics/lens_problem.h"
 
 namespace silhouette {
@@ -29,6 +30,7 @@ struct LensCamera {
   int height = 0;
   // Known already: held fixed, only poses are found. Either of all cameras or of none.
   std::optional<CameraIntrinsics> fixed = std::nullopt;
+  std::optional<LensRegion> known = std::nullopt;  // where it is, of `fixed`
 };
 
 struct LensSettings {
@@ -59,6 +61,9 @@ struct LensMap {
 
   bool Known(size_t place) const { return sigmas[place] <= limit; }
   double KnownShare() const;
+  // What is known around the best known place, of an image of this size: all that no unknown place
+  // lies before, as seen from there.
+  LensRegion Region(int width, int height) const;
 };
 
 struct SolvedCamera {
@@ -82,6 +87,8 @@ struct SolvedCamera {
   double centre_sigma = 0;  // of the projection of a point at `distance`, in the worst direction
   double edge_sigma = 0;    // the largest of those along the rim of the image
   LensMap map = {};         // empty where the lens is held fixed
+  // Of the map, or as stated for a lens that is held fixed.
+  std::optional<LensRegion> known = std::nullopt;
 };
 
 struct LensGroup {

@@ -163,17 +163,20 @@ absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& fold
   std::ranges::sort(files);
   std::vector<CameraFile> cameras;
   for (const fs::path& file : files) {
-    ASSIGN_OR_RETURN(const CameraModel camera, ReadCameraFile(file.string()));
-    cameras.push_back({ViewOfCameraFile(file.string()), camera});
+    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file.string()));
+    ASSIGN_OR_RETURN(const CameraModel camera, CameraFromText(text, file.string()));
+    ASSIGN_OR_RETURN(const auto known, LensRegionFromText(text, file.string()));
+    cameras.push_back({ViewOfCameraFile(file.string()), camera, known});
   }
   return cameras;
 }
 
 absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
-                                            const CameraModel& camera) {
+                                            const CameraModel& camera,
+                                            const std::optional<LensRegion>& known) {
   RETURN_IF_ERROR(MakeFolder(folder));
   const std::string path = (fs::path(folder) / CameraFileName(view)).string();
-  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(camera, view)));
+  RETURN_IF_ERROR(WriteWholeFile(path, CameraFileText(camera, view, known)));
   return path;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
 #include "calib/camera/epipolar_angles.h"
+#include "calib/camera/lens_region.h"
 #include "calib/poses/pose_problem.h"
 #include "calib/robot/robot_model.h"
 #include "tools/program/joint_values.h"
@@ -41,6 +43,7 @@ CLI::Validator SizeInPixels();
 struct CameraFile {
   std::string view;
   CameraModel camera;
+  std::optional<LensRegion> known;  // where the lens is
 };
 
 // The view that CameraFileName made a file's name of.
@@ -50,12 +53,13 @@ std::string ViewOfCameraFile(const std::string& path);
 absl::StatusOr<CameraModel> ReadCameraFile(const std::string& file);
 
 // By the views' names. NotFound: no such folder, or no camera model in it; InvalidArgument with
-// file and line: not a camera model.
+// file and line: not a camera model, or one with a region that is none.
 absl::StatusOr<std::vector<CameraFile>> ReadCameraFolder(const std::string& folder);
 
 // Makes the folder if it is not there. Returns the file's path.
 absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std::string& view,
-                                            const CameraModel& camera);
+                                            const CameraModel& camera,
+                                            const std::optional<LensRegion>& known = std::nullopt);
 
 // The link that carries a board or camera: `name`; if empty, the link `flange`, else the last one.
 absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name);

@@ -100,7 +100,8 @@ absl::StatusOr<ExitCode> Convert(const IntrinsicsArguments& arguments) {
   ASSIGN_OR_RETURN(const auto size, SizeGivenFor(arguments, view));
   ASSIGN_OR_RETURN(const ForeignCamera read,
                    ReadCamera(arguments.from, size, arguments.camera, arguments.fisheye));
-  ASSIGN_OR_RETURN(const std::string file, WriteCameraFile(arguments.out, view, read.camera));
+  ASSIGN_OR_RETURN(const std::string file,
+                   WriteCameraFile(arguments.out, view, read.camera, read.known));
   const CameraIntrinsics& k = read.camera.intrinsics();
   if (read.format != "mrcal" &&
       std::ranges::all_of(k.distortion, [](double c) { return c == 0; })) {
@@ -163,6 +164,7 @@ absl::Status AddCamera(const IntrinsicsArguments& arguments, const std::string& 
     const std::string file = (fs::path(arguments.fixed) / CameraFileName(view)).string();
     ASSIGN_OR_RETURN(const auto read, ReadCamera(file, size, "", false));
     camera.fixed = read.camera.intrinsics();
+    camera.known = read.known;
     camera.width = camera.fixed->width;
     camera.height = camera.fixed->height;
   } else {

@@ -253,8 +253,8 @@ absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot
   if (solution.groups.size() > 1) solution.warnings.pop_back();
   FoundLenses found{.solution = std::move(solution), .files = {}};
   for (const SolvedCamera& camera : found.solution.cameras) {
-    ASSIGN_OR_RETURN(const auto written,
-                     WriteCameraFile(LensFolder(settings.folder), camera.name, *camera.model));
+    ASSIGN_OR_RETURN(const auto written, WriteCameraFile(LensFolder(settings.folder), camera.name,
+                                                         *camera.model, camera.known));
     found.files.push_back(written);
   }
   return found;

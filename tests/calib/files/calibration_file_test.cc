@@ -14,6 +14,7 @@
 namespace silhouette {
 namespace {
 
+using testing::AllOf;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
@@ -81,6 +82,41 @@ TEST(CameraFile, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(refusal("{\n", "\n"), StartsWith("top.cameramodel:"));
   EXPECT_THAT(StoredCameraFromText("", "empty.cameramodel").status().message(),
               HasSubstr("empty.cameramodel: the file is empty"));
+}
+
+TEST(CameraFile, StatesWhereItsLensIsKnown) {
+  const CameraModel camera({.width = 640, .height = 480, .fx = 600, .fy = 600});
+  const LensRegion triangle{.contour = {{-0.5, 1.0 / 3}, {600, 3}, {20, 400}, {-0.5, 1.0 / 3}}};
+  LensRegion ours = triangle;
+  ours.sigma = 0.1;
+  for (const LensRegion& known : {triangle, ours, LensRegion()}) {
+    const auto read = LensRegionFromText(CameraFileText(camera, "top", known), "top.cameramodel");
+    ASSERT_TRUE(read.ok() && read->has_value()) << read.status();
+    EXPECT_EQ((*read)->contour, known.contour);
+    EXPECT_EQ((*read)->sigma, known.sigma);
+  }
+  const auto none = LensRegionFromText(CameraFileText(camera, "top"), "top.cameramodel");
+  ASSERT_TRUE(none.ok()) << none.status();
+  EXPECT_FALSE(none->has_value());
+}
+
+TEST(CameraFile, ARegionThatIsNoClosedLineIsRefusedWithItsFile) {
+  const auto refusal = [](const std::string& region) {
+    const auto read =
+        LensRegionFromText(absl::StrReplaceAll(kFile, {{"[ 501, 0 ],\n    [ 501, 871 ],", region}}),
+                           "top.cameramodel");
+    EXPECT_EQ(read.status().code(), absl::StatusCode::kInvalidArgument) << region;
+    return std::string(read.status().message());
+  };
+  for (const char* const open :
+       {"[1, 2], [3, 4]", "[1, 2], [3, 4], [1, 2]", "[0, 0], [9, 0], [9, 9], [0, 9], [0, 1]"}) {
+    EXPECT_THAT(refusal(open), AllOf(StartsWith("top.cameramodel:"),
+                                     HasSubstr("valid_intrinsics_region: is no closed line")));
+  }
+  for (const char* const wrong : {"1, 2", "[1], [2], [3], [1]", "[.nan, 0], [1, 0], [1, 1], [0, 0]",
+                                  "[a, 0], [1, 0], [1, 1], [a, 0]"}) {
+    EXPECT_THAT(refusal(wrong), StartsWith("top.cameramodel:")) << wrong;
+  }
 }
 
 TEST(CameraFile, GivesBackEveryBitOfWhatWasWritten) {

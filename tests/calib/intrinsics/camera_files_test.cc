@@ -52,7 +52,8 @@ TEST(LensFile, ComesBackToTheLastPartOfAPixel) {
 
 TEST(LensFile, IsReadByMrcal) {
   const CameraModel camera = CamerasOnAnArc(3)[2];
-  const SolvedCamera solved = Solved(camera);
+  SolvedCamera solved = Solved(camera);
+  solved.known = LensRegion{.contour = {{0, 0}, {900.5, 0}, {0, 800}, {0, 0}}, .sigma = 1.9};
   const std::string path = FreshFolder() / "left.cameramodel";
   std::ofstream(path) << LensFileText(solved);
   mrcal_cameramodel_t* model = mrcal_read_cameramodel_file(path.c_str());

@@ -7,6 +7,9 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
 #include <map>
 #include <random>
 #include <set>
@@ -375,6 +378,11 @@ TEST(SolveLenses, GivesALensWithWhereItIsKnown) {
   const size_t middle_row = static_cast<size_t>(map.rows / 2 * map.columns);
   EXPECT_TRUE(map.Known(middle_row + 4));
   EXPECT_FALSE(map.Known(middle_row + static_cast<size_t>(map.columns) - 1));
+  // The region of the camera's file is where the map is known.
+  const LensRegion& known = solution->cameras[0].known.value();
+  EXPECT_EQ(known.sigma, map.limit);
+  EXPECT_TRUE(known.Contains({320, 480}));
+  EXPECT_FALSE(known.Contains({1270, 480}));
   EXPECT_GT(map.KnownShare(), 0.2);
   EXPECT_LT(map.KnownShare(), 0.98);
   EXPECT_THAT(solution->warnings, testing::Contains(HasSubstr("of the image only")));
@@ -383,6 +391,39 @@ TEST(SolveLenses, GivesALensWithWhereItIsKnown) {
   EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(refused.message()),
               testing::AllOf(HasSubstr("--least-known"), HasSubstr("--most-uncertain")));
+}
+
+// A lens of an image of 160 x 120 pixels that is known but where `unknown` says.
+LensRegion RegionWithout(const std::function<bool(int, int)>& unknown) {
+  LensMap map{.columns = 17, .rows = 13, .sigmas{}, .limit = 1};
+  for (int row = 0; row < map.rows; ++row) {
+    for (int column = 0; column < map.columns; ++column) {
+      const double towards_middle = 0.01 * (std::abs(column - 8) + std::abs(row - 6));
+      map.sigmas.push_back(unknown(column, row) ? std::numeric_limits<double>::infinity()
+                                                : 0.5 + towards_middle);
+    }
+  }
+  return map.Region(160, 120);
+}
+
+TEST(LensMap, ALensThatIsKnownEverywhereHasTheWholeImageForItsRegion) {
+  const LensRegion region = RegionWithout([](int, int) { return false; });
+  for (const double x : {-0.49, 80.0, 159.49}) {
+    for (const double y : {-0.49, 60.0, 119.49}) EXPECT_TRUE(region.Contains({x, y})) << x << y;
+  }
+  EXPECT_EQ(region.contour.size(), 5u);
+}
+
+TEST(LensMap, NoUnknownPlaceIsInTheRegion) {
+  const auto hole = [](int column, int row) { return column == 12 && row >= 5 && row <= 7; };
+  const LensRegion region = RegionWithout(hole);
+  EXPECT_TRUE(region.Contains({80, 60}));
+  EXPECT_TRUE(region.Contains({10, 60}));
+  for (int row = 5; row <= 7; ++row) {
+    EXPECT_FALSE(region.Contains({120, 10.0 * row})) << "the hole, and what is behind it";
+    EXPECT_FALSE(region.Contains({155, 10.0 * row}));
+  }
+  EXPECT_EQ(RegionWithout([](int, int) { return true; }).contour.size(), 0u);
 }
 
 TEST(SolveLenses, LosesNoCornerOfNoiseFreeDataAndIsHardlyBiased) {

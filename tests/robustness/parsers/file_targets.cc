@@ -49,13 +49,15 @@ void ParseCamera(std::string_view bytes) {
   const std::string text(bytes);
   CameraFromText(text, "file").IgnoreError();
   StoredCameraFromText(text, "file").IgnoreError();
+  LensRegionFromText(text, "file").IgnoreError();
   CameraFromForeignText(text, "file").IgnoreError();
   CameraFromForeignText(text, "file", {.image_size = {{640, 480}}, .camera = "cam1"}).IgnoreError();
 }
 std::vector<std::string> CameraSeeds() {
   return {
       CameraFileText("LENSMODEL_OPENCV8", {500, 501, 320, 240, .1, .2, .003, .004, .5, .6, .7, .8},
-                     640, 480, Eigen::Isometry3d::Identity(), "top"),
+                     640, 480, Eigen::Isometry3d::Identity(), "top",
+                     LensRegion{.contour = {{1, 2}, {600, 3}, {20, 400}, {1, 2}}, .sigma = 0.9}),
       "%YAML:1.0\n---\nimage_width: 1280\nimage_height: 960\ncamera_matrix: !!opencv-matrix\n"
       "   rows: 3\n   cols: 3\n   dt: d\n   data: [ 905, 0., 645.5, 0., 902, 470, 0., 0., 1. ]\n"
       "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"

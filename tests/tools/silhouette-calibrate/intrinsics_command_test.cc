@@ -61,6 +61,9 @@ TEST_F(IntrinsicsCommand, WritesCamerasAndPicturesAndSaysHowWellTheyAreKnown) {
   ASSERT_TRUE(camera.ok()) << camera.status();
   EXPECT_NEAR(camera->intrinsics().fx, 917, 2);
   EXPECT_TRUE(fs::exists(folder_ / "pictures" / "cam1-residuals.png"));
+  const auto known = LensRegionFromText(ContentOf(folder_ / "cameras" / "cam1.cameramodel"), "");
+  ASSERT_TRUE(known.ok() && known->has_value()) << known.status();
+  EXPECT_TRUE((*known)->Contains({640, 480}));
 
   // Given lenses stay as they are.
   const Ended fixed = Run("--fix-intrinsics " + (folder_ / "cameras").string());
@@ -68,6 +71,14 @@ TEST_F(IntrinsicsCommand, WritesCamerasAndPicturesAndSaysHowWellTheyAreKnown) {
   EXPECT_THAT(fixed.out, HasSubstr("given"));
   const auto kept = CameraFromText(ContentOf(folder_ / "cameras" / "cam1.cameramodel"), "cam1");
   EXPECT_EQ(kept->intrinsics().fx, camera->intrinsics().fx);
+  const std::string from = "--from " + (folder_ / "cameras" / "cam1.cameramodel").string();
+  ASSERT_EQ(Calibrate(from + " --view left --out " + folder_.string()).exit_code, 0);
+  for (const fs::path& file :
+       {folder_ / "cameras/cam1.cameramodel", folder_ / "left.cameramodel"}) {
+    const auto of_copy = LensRegionFromText(ContentOf(file), file.string());
+    ASSERT_TRUE(of_copy.ok() && of_copy->has_value()) << file;
+    EXPECT_EQ((*of_copy)->contour, (*known)->contour) << file;
+  }
 }
 
 TEST_F(IntrinsicsCommand, RefusesWeakDataWithOneAndMistakesWithTwo) {

@@ -131,6 +131,7 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
   for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.8, 0, 0.8), {0.2, 0.4, 1.2}}) {
     EXPECT_LT((*found->Project(point) - *truth.Project(point)).norm(), 0.5);
   }
+  EXPECT_THAT(ContentOf(file), HasSubstr("valid_intrinsics_region"));
   EXPECT_THAT(ContentOf(fs::path(session()) / "cameras/calibration.yaml"),
               HasSubstr("lens_rim_sigma"));
 }
