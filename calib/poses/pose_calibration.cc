@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_noise.h"
+#include "calib/poses/unknown_lens.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -112,6 +113,11 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   ASSIGN_OR_RETURN(LinearBundle linear, CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
   ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, std::move(linear), fit));
+  for (size_t i = 0; i < problem.views.size(); ++i) {
+    UnknownLens lens = FindUnknownLens(problem, problem.views[i], bundle.cameras[i].pose);
+    if (lens.sentence.empty()) continue;
+    (lens.refused ? misfits.doubts : misfits.warnings).push_back(std::move(lens.sentence));
+  }
   if (!misfits.doubts.empty() && !problem.accept_doubts) {
     return FailedPrecondition(absl::StrJoin(misfits.doubts, "; "), "; 'silhouette-calibrate poses ",
                               "--accept-doubts' finds the poses nevertheless");

@@ -9,6 +9,7 @@
 #include <Eigen/Geometry>
 #include <functional>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/camera/camera_model.h"
+#include "calib/camera/lens_region.h"
 
 namespace silhouette {
 
@@ -26,8 +28,9 @@ inline constexpr double kFarthestFlange = 50;
 
 struct PoseView {
   std::string name;
-  CameraIntrinsics lens;   // held fixed
-  bool on_flange = false;  // eye-in-hand: the camera rides on the flange
+  CameraIntrinsics lens;                           // held fixed
+  bool on_flange = false;                          // eye-in-hand: the camera rides on the flange
+  std::optional<LensRegion> known = std::nullopt;  // where the lens is
 };
 
 enum class BoardPlace {
@@ -76,7 +79,10 @@ struct PoseProblem {
   // The least number of the robot's poses that may hold the cameras, where no survey does.
   int least_frames = 6;
   SizeTrust size_trust = SizeTrust::kNeither;
-  // Poses are found in spite of lenses that do not fit and of things that moved meanwhile.
+  // Points of the robot's workspace in the base, metres. None: it is not known.
+  std::vector<Eigen::Vector3d> workspace;
+  // Poses are found in spite of lenses that do not fit, or are not known where they are needed, and
+  // of things that moved meanwhile.
   bool accept_doubts = false;
   std::vector<std::string> warnings;  // of those who read it; the solution has them, too
   // Called before each step of long work, with its name.

@@ -290,14 +290,14 @@ class Maker {
   }
 
   void FindWorkspace(const PoseNetwork& network) {
-    const bool given = !settings_.workspace.empty();
+    const bool given = !problem_.workspace.empty();
     report_.workspace = given ? settings_.workspace_name : "the space in which boards were seen";
     for (size_t v = 0; v < report_.views.size(); ++v) {
       ReportView& view = report_.views[v];
       const CameraModel& lens = network.lenses[v];
       const SolvedView& solved = solution_.views[v];
       const std::vector<Eigen::Vector3d> all =
-          given && !view.on_flange ? settings_.workspace
+          given && !view.on_flange ? problem_.workspace
                                    : SpaceOfBoards(network, solution_, view.on_flange);
       workspaces_[v] = PointsInImage(lens, solved, all);
       PixelSum pixels;

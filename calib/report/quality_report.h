@@ -172,9 +172,8 @@ bool IsStable(const QualityReport& report);
 std::vector<std::string> WarningsOf(const QualityReport& report);
 
 struct ReportSettings {
-  // Points of the robot's workspace in the base, metres, and what they are in words. None: the
-  // space in which boards were seen.
-  std::vector<Eigen::Vector3d> workspace;
+  // What PoseProblem::workspace is, in words. Without one it is the space in which boards were
+  // seen.
   std::string workspace_name;
   int groups = 8;  // of frames, left out one at a time; at least 2
 };

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_pairs.h"
+#include "calib/poses/unknown_lens.h"
 #include "calib/report/report_page.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
@@ -100,6 +101,8 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
   const PoseSources& sources = arguments.sources;
   PoseProblem problem;
   RETURN_IF_ERROR(ReadViews(sources, problem));
+  ASSIGN_OR_RETURN(WorkspacePoints workspace, WorkspacePointsOf(sources, ""));
+  problem.workspace = std::move(workspace.points);
   ASSIGN_OR_RETURN(const auto masks, MaskSizesFrom(sources.cell, arguments.mask_size, problem));
   ASSIGN_OR_RETURN(const std::vector<ViewPairs> views, ReadPairs(arguments, problem));
   std::vector<PoseView> seen;
@@ -114,6 +117,14 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
       return kNo;
     }
     if (!solved.ok()) return solved.status();
+    const UnknownLens lens = FindUnknownLens(problem, known, solved->camera_pose);
+    if (lens.refused && !sources.accept_doubts) {
+      std::cerr << "silhouette-calibrate: " << lens.sentence
+                << "; --accept-doubts finds the poses nevertheless\nnothing was written"
+                << std::endl;
+      return kNo;
+    }
+    if (!lens.sentence.empty()) solution.warnings.push_back(lens.sentence);
     AddPairs(view, *solved, known.on_flange, solution);
     seen.push_back(known);
   }

@@ -236,8 +236,10 @@ absl::Status ReadViews(const PoseSources& sources, PoseProblem& problem) {
   for (const CameraFile& named : cameras) {
     const bool on_flange = named.view == sources.eye_in_hand;
     found = found || on_flange;
-    problem.views.push_back(
-        {.name = named.view, .lens = named.camera.intrinsics(), .on_flange = on_flange});
+    problem.views.push_back({.name = named.view,
+                             .lens = named.camera.intrinsics(),
+                             .on_flange = on_flange,
+                             .known = named.known});
   }
   if (found) return absl::OkStatus();
   return InvalidArgument("--eye-in-hand: there is no camera model of view '", sources.eye_in_hand,
@@ -257,6 +259,8 @@ absl::StatusOr<PoseProblem> ReadPoseProblem(const PoseSources& sources) {
   for (const PoseBoard& board : problem.boards) boards.push_back(board.board);
   RETURN_IF_ERROR(CheckFirstIds(boards, problem.sightings));
   RETURN_IF_ERROR(TakeRobotPoses(sources, problem));
+  ASSIGN_OR_RETURN(WorkspacePoints workspace, WorkspacePointsOf(sources, ""));
+  problem.workspace = std::move(workspace.points);
   return problem;
 }
 
@@ -314,8 +318,10 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->transform(CLI::CheckedTransformer(std::map<std::string, SizeTrust>{
           {"stated", SizeTrust::kStated}, {"found", SizeTrust::kFound}}))
       ->option_text("stated|found");
-  command.add_flag("--accept-doubts", s.accept_doubts,
-                   "Only warn of lenses that do not fit, and of cameras and boards that moved");
+  command.add_flag(
+      "--accept-doubts", s.accept_doubts,
+      "Only warn of lenses that do not fit or are not known where the robot works, and of "
+      "cameras and boards that moved");
   command.add_option("--flange-board", s.flange_board, "The board on the flange");
   command.add_option("--standing", s.standing_boards,
                      "A board that stands still in all frames, at an unknown pose");

@@ -432,7 +432,8 @@ absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
     const SolvedView& view = solution.views[i];
     ASSIGN_OR_RETURN(const std::string file,
                      WriteCameraFile(folder, view.on_flange ? view.name + ".flange" : view.name,
-                                     CameraModel(problem.views[i].lens, view.camera_pose)));
+                                     CameraModel(problem.views[i].lens, view.camera_pose),
+                                     problem.views[i].known));
     files.push_back(file);
   }
   if (HasViews(solution)) {
@@ -456,9 +457,8 @@ absl::StatusOr<QualityReport> ReportOn(PoseProblem problem, const PoseSources& s
   ASSIGN_OR_RETURN(WorkspacePoints workspace, WorkspacePointsOf(sources, workspace_box));
   Steps steps("report");
   problem.step = [&](const std::string& step) { steps.Begin(step); };
-  return MakeReport(problem, {.workspace = std::move(workspace.points),
-                              .workspace_name = std::move(workspace.name),
-                              .groups = groups});
+  problem.workspace = std::move(workspace.points);
+  return MakeReport(problem, {.workspace_name = std::move(workspace.name), .groups = groups});
 }
 
 absl::StatusOr<std::vector<std::string>> WriteReport(const QualityReport& report,

@@ -18,6 +18,7 @@ namespace {
 using testing::AllOf;
 using testing::Contains;
 using testing::HasSubstr;
+using testing::IsEmpty;
 using testing::Not;
 
 // `change` is called before the frame `at` of 30.
@@ -121,6 +122,56 @@ TEST(PoseMisfits, DoubtsCanBeAccepted) {
   ASSERT_TRUE(solution.ok()) << solution.status();
   ASSERT_EQ(solution->doubts.size(), 1u);
   EXPECT_THAT(solution->warnings, Contains(solution->doubts[0]));
+}
+
+// Points all over what camera0 of a rig sees, one metre before it.
+std::vector<Eigen::Vector3d> PointsBefore(const PoseRig& rig) {
+  const CameraModel camera(rig.problem.views[0].lens, rig.camera_poses[0]);
+  std::vector<Eigen::Vector3d> points;
+  for (int x = 10; x < 1280; x += 20) {
+    for (int y = 10; y < 960; y += 20) {
+      points.push_back(camera.Centre() + *camera.Ray(Eigen::Vector2d(x, y)));
+    }
+  }
+  return points;
+}
+
+// All of an image of 1280 x 960 but a strip of this width, pixels, on the left.
+LensRegion WithoutStrip(double width) {
+  return {.contour = {{width, -1}, {1281, -1}, {1281, 961}, {width, 961}, {width, -1}},
+          .sigma = 1.9};
+}
+
+TEST(UnknownLens, IsRefusedWithWhereItShowsTheWorkspace) {
+  PoseRig rig(4, 2);
+  rig.AddFlangeBoard();
+  rig.Drive(14);
+  rig.problem.workspace = PointsBefore(rig);
+  ASSERT_TRUE(CalibratePoses(rig.problem).ok()) << "a lens of which nothing is said";
+  rig.problem.views[0].known = WithoutStrip(-1);
+  ASSERT_TRUE(CalibratePoses(rig.problem).ok());
+  rig.problem.views[0].known = WithoutStrip(140);
+  EXPECT_THAT(Refusal(rig.problem),
+              AllOf(HasSubstr("view 'camera0': the lens is not known"),
+                    HasSubstr("10.9 % of the robot's workspace (top left, left, bottom left of"),
+                    HasSubstr("--accept-doubts")));
+  rig.problem.views[0].known = LensRegion{.contour{}, .sigma = 1.9};
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("100 % of the robot's workspace"));
+  rig.problem.workspace.clear();
+  EXPECT_TRUE(CalibratePoses(rig.problem).ok()) << "it is not known where the robot works";
+}
+
+TEST(UnknownLens, ByAnotherProgramsRegionIsWarnedOf) {
+  PoseRig rig(4, 2);
+  rig.AddFlangeBoard();
+  rig.Drive(14);
+  rig.problem.workspace = PointsBefore(rig);
+  rig.problem.views[0].known = WithoutStrip(140);
+  rig.problem.views[0].known->sigma.reset();
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_THAT(solution->warnings, Contains(HasSubstr("view 'camera0': the lens is not known")));
+  EXPECT_THAT(solution->doubts, IsEmpty());
 }
 
 // Prints off by 0.2 mm, and lenses by 0.3 px at the rim.

@@ -25,8 +25,7 @@ using testing::Not;
 
 // Three groups: they are quicker than eight.
 QualityReport ReportOf(const PoseProblem& problem,
-                       const ReportSettings& settings = {
-                           .workspace{}, .workspace_name{}, .groups = 3}) {
+                       const ReportSettings& settings = {.workspace_name{}, .groups = 3}) {
   absl::StatusOr<QualityReport> report = MakeReport(problem, settings);
   EXPECT_TRUE(report.ok()) << report.status();
   return report.ok() ? *std::move(report) : QualityReport{};
@@ -75,17 +74,16 @@ TEST(QualityReport, ThePredictedErrorIsThatOfTheTruth) {
   double square = 0;
   int points = 0;
   for (unsigned seed = 1; seed <= static_cast<unsigned>(SampleCount(4)); ++seed) {
-    const PoseRig rig = FlangeRig(seed, 3, 20);
-    ReportSettings settings{
-        .workspace = {{0, 0, 0.7}, {0.3, -0.2, 0.5}}, .workspace_name = "two", .groups = 2};
-    const QualityReport report = ReportOf(rig.problem, settings);
+    PoseRig rig = FlangeRig(seed, 3, 20);
+    rig.problem.workspace = {{0, 0, 0.7}, {0.3, -0.2, 0.5}};
+    const QualityReport report = ReportOf(rig.problem, {.workspace_name = "two", .groups = 2});
     EXPECT_EQ(report.workspace, "two");
     const PoseSolution solution = *CalibratePoses(rig.problem);
     for (size_t v = 0; v < 3; ++v) {
       const CameraModel solved(rig.problem.views[v].lens, solution.views[v].camera_pose);
       const CameraModel truth(rig.problem.views[v].lens, rig.camera_poses[v]);
       EXPECT_EQ(report.views[v].predicted.points, 2);
-      for (const Eigen::Vector3d& point : settings.workspace) {
+      for (const Eigen::Vector3d& point : rig.problem.workspace) {
         square += (*solved.Project(point) - *truth.Project(point)).squaredNorm() / 2 /
                   std::pow(report.views[v].predicted.px, 2);
         ++points;

@@ -27,7 +27,7 @@ const QualityReport& SomeReport() {
     rig.AddFlangeBoard();
     rig.Drive(24);
     rig.problem.sightings[3].corners[1].x() += 5;
-    return *MakeReport(rig.problem, {.workspace{}, .workspace_name{}, .groups = 3});
+    return *MakeReport(rig.problem, {.workspace_name{}, .groups = 3});
   }();
   return report;
 }

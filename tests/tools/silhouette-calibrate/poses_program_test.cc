@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -184,6 +185,46 @@ TEST_F(CalibratePosesProgram, TakesJointValuesWithTheRobotsModel) {
   EXPECT_EQ(degrees.exit_code, 1);
   EXPECT_THAT(degrees.err, HasSubstr("in radians (without --degrees) they fit"));
   EXPECT_FALSE(fs::exists(folder_ / "cameras2"));
+}
+
+TEST_F(CalibratePosesProgram, ALensThatIsNotKnownWhereTheRobotWorksIsRefused) {
+  PoseRig rig(4, 2);
+  rig.AddFlangeBoard();
+  Write("joints.csv", JointText(rig, 1));
+  WriteRig(rig);
+  const auto write_lens = [&](const LensRegion& known) {
+    Write("lenses/camera1.cameramodel",
+          CameraFileText(CameraModel(rig.problem.views[1].lens), "camera1", known));
+  };
+  const std::string inputs =
+      absl::StrCat("--joints joints.csv --urdf ", kUrdf, " --flange-board flange ");
+  LensRegion right{.contour = {{640, -1}, {1281, -1}, {1281, 961}, {640, 961}, {640, -1}},
+                   .sigma = 1.9};
+  write_lens(right);
+  const Ended refused = Run(absl::StrCat(kFiles, inputs, "--out cameras"));
+  EXPECT_EQ(refused.exit_code, 1) << refused.out;
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("view 'camera1': the lens is not known"),
+                                 HasSubstr("left"), HasSubstr("--accept-doubts")));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  const std::string report = absl::StrReplaceAll(kFiles, {{"poses ", "report "}});
+  EXPECT_EQ(Run(absl::StrCat(report, inputs, "--groups 2 --out page.html")).exit_code, 1);
+  EXPECT_THAT(ContentOf(folder_ / "page.html"), HasSubstr("camera1&#39;: the lens is not known"));
+
+  // Accepted, the region stays with the camera.
+  const Ended accepted = Run(absl::StrCat(kFiles, inputs, "--accept-doubts --out cameras"));
+  EXPECT_EQ(accepted.exit_code, 0) << accepted.err;
+  EXPECT_THAT(accepted.out, HasSubstr("warning: view 'camera1': the lens is not known"));
+  const auto kept = LensRegionFromText(ContentOf(folder_ / "cameras/camera1.cameramodel"), "");
+  ASSERT_TRUE(kept.ok() && kept->has_value());
+  EXPECT_EQ((*kept)->contour, right.contour);
+  EXPECT_EQ((*kept)->sigma, right.sigma);
+
+  right.contour.pop_back();
+  write_lens(right);
+  const Ended open = Run(absl::StrCat(kFiles, inputs, "--out open"));
+  EXPECT_EQ(open.exit_code, 2);
+  EXPECT_THAT(open.err, AllOf(HasSubstr("lenses/camera1.cameramodel:"), HasSubstr("closed line")));
+  EXPECT_EQ(std::ranges::count(open.err, '\n'), 1) << open.err;
 }
 
 TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
