@@ -204,7 +204,7 @@ TEST_F(CalibratePosesProgram, ALensThatIsNotKnownWhereTheRobotWorksIsRefused) {
   const Ended refused = Run(absl::StrCat(kFiles, inputs, "--out cameras"));
   EXPECT_EQ(refused.exit_code, 1) << refused.out;
   EXPECT_THAT(refused.err, AllOf(HasSubstr("view 'camera1': the lens is not known"),
-                                 HasSubstr("left"), HasSubstr("--accept-doubts")));
+                                 HasSubstr("middle"), HasSubstr("--accept-doubts")));
   EXPECT_FALSE(fs::exists(folder_ / "cameras"));
   const std::string report = absl::StrReplaceAll(kFiles, {{"poses ", "report "}});
   EXPECT_EQ(Run(absl::StrCat(report, inputs, "--groups 2 --out page.html")).exit_code, 1);
@@ -225,6 +225,42 @@ TEST_F(CalibratePosesProgram, ALensThatIsNotKnownWhereTheRobotWorksIsRefused) {
   EXPECT_EQ(open.exit_code, 2);
   EXPECT_THAT(open.err, AllOf(HasSubstr("lenses/camera1.cameramodel:"), HasSubstr("closed line")));
   EXPECT_EQ(std::ranges::count(open.err, '\n'), 1) << open.err;
+}
+
+// Row by row.
+std::string NumbersOf(const Eigen::Isometry3d& pose) {
+  std::string text;
+  for (int i = 0; i < 16; ++i) {
+    absl::StrAppendFormat(&text, "%s%.12g", i > 0 ? ", " : "", pose.matrix()(i / 4, i % 4));
+  }
+  return text;
+}
+
+TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  std::string samples;
+  for (const RobotPose& robot : rig.problem.robot_poses) {
+    absl::StrAppend(&samples, "- effector_wrt_world: [", NumbersOf(robot.base_from_flange),
+                    "]\n  object_wrt_sensor: [",
+                    NumbersOf(rig.camera_poses[0] * robot.base_from_flange * rig.board_poses[0]),
+                    "]\n");
+  }
+  Write("samples.yaml", samples);
+  const CameraModel lens(rig.problem.views[0].lens);
+  const std::string command =
+      absl::StrCat("poses --cameras lenses --pairs camera0=samples.yaml ", "--cell ",
+                   SourceFolder(), "/capture/sim/cells/demo/cell.yaml --out cameras");
+  Write("lenses/camera0.cameramodel",
+        CameraFileText(lens, "camera0", LensRegion{.contour{}, .sigma = 1.9}));
+  const Ended refused = Run(command);
+  EXPECT_EQ(refused.exit_code, 1) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("view 'camera0': the lens is not known"));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  EXPECT_EQ(Run(command + " --accept-doubts").exit_code, 0);
+  Write("lenses/camera0.cameramodel", CameraFileText(lens, "camera0"));
+  EXPECT_EQ(Run(command).exit_code, 0);
 }
 
 TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
