@@ -6,9 +6,8 @@
 //   intrinsics   fx, fy, cx, cy, then the distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]]
 //   extrinsics   from the world to the camera: rotation vector (radians), translation (metres)
 //   imagersize   width, height
-//   valid_intrinsics_region   where the lens is known: the points [x, y] of a closed line in
-//   pixels,
-//                             the last one equal to the first; [] for nowhere. Optional
+//   valid_intrinsics_region   optional; where the lens is known: points [x, y] of a closed line, in
+//                pixels, the last one equal to the first; [] for nowhere
 //   valid_intrinsics_sigma    LensRegion::sigma, if this project's programs found the region
 //
 // and others, which are skipped. Numbers are written so that reading gives the same ones.
