@@ -11,7 +11,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "calib/files/calibration_message.h"
 #include "capture/session/reference_images.h"
+#include "capture/verification/verified_robot.h"
 #include "common/picture/picture.h"
 #include "common/picture/sheet.h"
 #include "common/result/result.h"
@@ -65,14 +67,30 @@ std::string RemarksOn(const Reference& reference) {
   return remarks;
 }
 
-// What is to be done next: no run captures what is drawn.
-std::string NextCommand(const CellArguments& arguments, const CellFile& file) {
-  return arguments.Command(file.cell.robot.drawn ? "verify-model" : "run");
+// Whether the database has a verification, and of this model.
+bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot& snapshot) {
+  const auto drawn = DrawnCellOf(cell);
+  const auto verification = snapshot.Verification();
+  const auto stored = snapshot.Calibration();
+  if (!drawn.ok() || !*drawn || !verification.ok() || !stored.ok() || !*stored) return false;
+  const auto calibration = CalibrationFrom(**stored);
+  if (!calibration.ok()) return false;
+  auto bare = BareRobotOf(**drawn, database, *calibration, cell.calibration.margin);
+  if (!bare.ok()) return false;
+  const auto robot = VerifiedRobotOf(**drawn, *std::move(bare), *verification);
+  return robot.ok() && robot->unverified.empty();
+}
+
+// What is to be done next: no run captures what is drawn, and a model that is verified stays so.
+std::string NextCommand(const CellArguments& arguments, const CellFile& file, bool verified) {
+  if (!file.cell.robot.drawn) return arguments.Command("run");
+  return verified ? "" : arguments.Command("verify-model");
 }
 
 // `not_looked_for`: what may be in the images unnoticed; empty: nothing.
 std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
-                          uint64_t robot_images, const std::vector<Reference>& references,
+                          uint64_t robot_images, const std::string& next,
+                          const std::vector<Reference>& references,
                           const std::string& not_looked_for) {
   std::string text = absl::StrFormat("reference images in %s: %d per view\n", file.database,
                                      file.cell.capture.reference_images);
@@ -93,17 +111,22 @@ std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
                     "; make sure that no view shows them, as they would be part of the empty "
                     "cell\n");
   }
-  return absl::StrCat(text, "next: ", NextCommand(arguments, file), "\n");
+  if (next.empty()) {
+    return absl::StrCat(
+        text, "the robot's model is verified; if what it carries or the cameras changed: ",
+        arguments.Command("verify-model"), "\n");
+  }
+  return absl::StrCat(text, "next: ", next, "\n");
 }
 
-nlohmann::ordered_json ReferenceJson(const CellArguments& arguments, const CellFile& file,
+nlohmann::ordered_json ReferenceJson(const CellFile& file, const std::string& next,
                                      const std::vector<Reference>& references,
                                      const std::string& not_looked_for) {
   nlohmann::ordered_json json = {{"database", file.database},
                                  {"images", file.cell.capture.reference_images},
                                  {"views", nlohmann::ordered_json::array()},
                                  {"not_looked_for", not_looked_for},
-                                 {"next", NextCommand(arguments, file)}};
+                                 {"next", next}};
   for (size_t v = 0; v < references.size(); ++v) {
     const Reference::Figures figures = references[v].Describe();
     json["views"].push_back({{"name", file.cell.views[v].name},
@@ -232,8 +255,10 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
-  PrintResult(arguments.format, ReferenceJson(arguments, file, references, not_looked_for),
-              ReferenceText(arguments, file, snapshot.size(), references, not_looked_for));
+  const std::string next =
+      NextCommand(arguments, file, HasVerifiedModel(file.cell, *database, snapshot));
+  PrintResult(arguments.format, ReferenceJson(file, next, references, not_looked_for),
+              ReferenceText(arguments, file, snapshot.size(), next, references, not_looked_for));
   return kDone;
 }
 

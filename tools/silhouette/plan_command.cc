@@ -200,7 +200,7 @@ std::string PlanTextOf(const Session& session, const Findings& findings) {
   return text;
 }
 
-absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
+absl::StatusOr<ExitCode> PlanUnlessStopped(const Session& session, const PlanArguments& arguments) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto database, client.GetDatabase());
@@ -238,6 +238,13 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   return findings.found() ? kDone : kNo;
 }
 
+absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
+  auto code = PlanUnlessStopped(session, arguments);
+  if (code.ok() || !StopRequested()) return code;
+  Report("silhouette", code.status());
+  return kStopped;
+}
+
 }  // namespace
 
 void AddPlanCommand(CLI::App& program, Session& session) {
@@ -268,7 +275,7 @@ void AddPlanCommand(CLI::App& program, Session& session) {
       "and the server checks each (RRT-Connect). A joint stays within the range of its values "
       "then.\n"
       "OMPL's planners check motions in the client, and ask the server where it does not know.\n"
-      "Exit code 0 if there is a path, 1 if not.\n\n"
+      "Exit code 0 if there is a path, 1 if not, 130 if Ctrl-C ended the search.\n\n"
       "Example:\n"
       "  silhouette plan -100deg,70deg 100deg,70deg --out path.json \\\n"
       "      --picture configuration-space.png");

@@ -154,6 +154,9 @@ TEST_F(VerifyModelProgram, DrivesTheRobotWithinItsWorkspace) {
   EXPECT_THAT(outcome.out, HasSubstr("compared           80 configurations, 2 views"));
   EXPECT_THAT(outcome.out, HasSubstr("the model is verified"));
   EXPECT_TRUE(IsVerified());
+  // Reference images do not change the model.
+  EXPECT_THAT(Run("reference", "drawn.yaml", "drawn.lmdb").out,
+              AllOf(HasSubstr("the robot's model is verified"), Not(HasSubstr("next: "))));
 }
 
 // What was taken before a drive ended early is used by the next one, however it ended.

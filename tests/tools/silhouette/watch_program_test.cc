@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <future>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -195,6 +196,51 @@ TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {
     EXPECT_EQ(ContentOf(cell_.shell().folder() / output), before) << what;
   }
   close(asked);
+}
+
+TEST_F(SilhouetteWatch, PlanThatCtrlCEndsHasAnExitCodeOfItsOwn) {
+  FakeServer server;
+  const auto basis = [](v1::Basis& of) {
+    of.set_scene_id(3);
+    *of.mutable_server_clock() =
+        client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
+  };
+  server.get_database = [](auto&, const auto&, auto& response) {
+    response.set_images("drawn");
+    response.mutable_grid()->add_tile_edges(4096);
+    v1::GridJoint& joint = *response.mutable_grid()->add_joints();
+    joint.set_name("x");
+    joint.set_upper(1);
+    joint.set_steps(2);
+    return grpc::Status::OK;
+  };
+  server.check_configurations = [&](auto&, const auto& request, auto& response) {
+    basis(*response.mutable_basis());
+    for (int i = 0; i < request.configurations_size(); ++i) {
+      response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
+    }
+    return grpc::Status::OK;
+  };
+  std::promise<void> searches;
+  std::promise<void> stopped;
+  server.check_path = [&](auto&, const auto&, auto& response) {
+    static bool first = true;
+    if (std::exchange(first, false)) {
+      searches.set_value();
+      stopped.get_future().wait();
+    }
+    basis(*response.mutable_basis());
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
+    return grpc::Status::OK;
+  };
+  const auto plan = Start("--server " + server.address + " plan 0 1", "plan.txt");
+  ASSERT_EQ(searches.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready)
+      << ContentOf(cell_.shell().folder() / "plan.txt");
+  std::future<int> code = std::async(std::launch::async, [&] { return plan->End(SIGINT); });
+  std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  stopped.set_value();
+  EXPECT_EQ(code.get(), 130);
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "plan.txt"), HasSubstr("stopped"));
 }
 
 TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
