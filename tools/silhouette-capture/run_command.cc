@@ -298,7 +298,7 @@ void AddRun(CLI::App& app, Work& work) {
       ->check(CLI::Validator([](const std::string& only) { return CheckOnly(only); }, ""))
       ->capture_default_str();
   command->add_flag("--dry-run", options->dry_run,
-                    "Say how many configurations, how long, how much room; move nothing");
+                    "Report number of configurations, duration and disk space; move nothing");
   command->add_flag("--exclude-captured", options->plan.exclude_captured,
                     "Drop robot images in regions that are forbidden by now");
   command->add_flag(

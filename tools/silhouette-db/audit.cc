@@ -59,6 +59,7 @@ void AddAudit(CLI::App& app, Work& work) {
       "that was kept elsewhere, such as in the server's log.\n\n"
       "Example:\n"
       "  silhouette-db audit verify audit.jsonl");
+  audit.footer("Example:\n  silhouette-db audit verify audit.jsonl");
 }
 
 }  // namespace silhouette

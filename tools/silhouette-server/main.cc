@@ -445,7 +445,7 @@ int Main(int argc, char** argv) {
   app.add_option(
       "--page", options.page,
       "host:port of a page that shows the cell in a browser: views, configuration space,\n"
-      "watched paths; default: none. Of this machine alone, or --insecure be given");
+      "watched paths; default: none. Other addresses than this machine's need --insecure");
   app.add_option(
          "--page-role", options.page_role,
          "operator: everyone who opens the page may allow and revoke regions, in which obstacles\n"
@@ -469,8 +469,8 @@ int Main(int argc, char** argv) {
       "the\n"
       "program within two, with exit code 3 if something hangs; SIGHUP reads the database again.\n"
       "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
-      "then the address must be one of this machine alone, or --insecure be given.\n"
-      "Started by systemd, it tells when it is ready, and its watchdog that it still takes "
+      "an address that other machines reach then needs --insecure.\n"
+      "Under systemd it reports when it is ready, and to the watchdog that it still takes "
       "scenes.\n\n"
       "Example:\n"
       "  silhouette-server --cell cell.yaml --database cell.lmdb --listen 127.0.0.1:50051\n"

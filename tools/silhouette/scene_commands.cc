@@ -199,7 +199,8 @@ void AddPublishCommand(CLI::App& scene, Session& session) {
       "server's.\n"
       "Without a time, and with --view, the images count as taken when this command is called:\n"
       "call it at once, or the images are older than the server knows.\n"
-      "Exit code 1 if the scene was taken but verdicts from it are not free; it is said why.\n\n"
+      "Exit code 1 if the scene was taken but verdicts from it are not free; the output states\n"
+      "why.\n\n"
       "Example:\n"
       "  silhouette scene publish images\n"
       "  silhouette scene publish --as mask --view top=top.png --joint axis_1=30deg");
