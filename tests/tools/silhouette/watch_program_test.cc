@@ -202,6 +202,7 @@ TEST_F(SilhouetteWatch, PlanThatCtrlCEndsHasAnExitCodeOfItsOwn) {
   FakeServer server;
   const auto basis = [](v1::Basis& of) {
     of.set_scene_id(3);
+    of.mutable_valid_for()->set_seconds(60);
     *of.mutable_server_clock() =
         client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
   };
