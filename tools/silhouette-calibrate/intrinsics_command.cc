@@ -15,6 +15,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "calib/files/camera_file.h"
+#include "calib/files/foreign_camera_file.h"
 #include "calib/intrinsics/lens_doubts.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "common/picture/files.h"

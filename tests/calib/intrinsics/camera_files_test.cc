@@ -13,7 +13,7 @@ extern "C" {
 #include <random>
 #include <utility>
 
-#include "calib/files/camera_file.h"
+#include "calib/files/foreign_camera_file.h"
 #include "calib/intrinsics/solve_lenses.h"
 #include "tests/calib/intrinsics/synthetic_boards.h"
 #include "tests/test_folder.h"

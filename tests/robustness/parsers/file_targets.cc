@@ -4,6 +4,7 @@
 #include "calib/files/calibration_check_file.h"
 #include "calib/files/calibration_session_file.h"
 #include "calib/files/camera_file.h"
+#include "calib/files/foreign_camera_file.h"
 #include "calib/poses/pose_files.h"
 #include "calib/poses/pose_pairs.h"
 #include "calib/robot/robot_model.h"
