@@ -214,11 +214,10 @@ void DistanceField::Take(const TriangleMesh& mesh) {
 }
 
 struct DistanceField::Near {
-  // By corner, x fastest. Exact to less than kRounding.
-  using Corners = Eigen::Array<float, 8, 1>;
-  Corners distances;
-  Corners ways;    // to the point, or to the nearest one among the samples
-  double way = 0;  // from there to the point
+  // By corner, x fastest: those below, then those above. Exact to less than kRounding.
+  std::array<Eigen::Array4f, 2> distances;
+  std::array<Eigen::Array4f, 2> ways;  // to the point, or to the nearest one among the samples
+  double way = 0;                      // from there to the point
 };
 
 DistanceField::Near DistanceField::At(const Vector3d& point) const {
@@ -230,27 +229,24 @@ DistanceField::Near DistanceField::At(const Vector3d& point) const {
   // By axis, squares of the way to either side.
   const Eigen::Array3f low = (step_ * share).square().cast<float>();
   const Eigen::Array3f high = (step_ * (1 - share)).square().cast<float>();
-  Near near;
-  near.way = (point - within).norm();
-  const float* sample = samples_.data() + IndexOf(cell.x(), cell.y(), cell.z());
+  const float* below = samples_.data() + IndexOf(cell.x(), cell.y(), cell.z());
+  const float* above = below + IndexOf(0, 0, 1);
   const size_t on = IndexOf(0, 1, 0);
-  const size_t up = IndexOf(0, 0, 1);
-  near.distances << sample[0], sample[1], sample[on], sample[on + 1], sample[up], sample[up + 1],
-      sample[up + on], sample[up + on + 1];
-  near.ways << low[0], high[0], low[0], high[0], low[0], high[0], low[0], high[0];
-  near.ways +=
-      (Near::Corners() << low[1], low[1], high[1], high[1], low[1], low[1], high[1], high[1])
-          .finished();
-  near.ways.head<4>() += low[2];
-  near.ways.tail<4>() += high[2];
-  near.ways = near.ways.sqrt().eval();
-  return near;
+  const Eigen::Array4f in_plane(low[0] + low[1], high[0] + low[1], low[0] + high[1],
+                                high[0] + high[1]);
+  return {.distances = {Eigen::Array4f(below[0], below[1], below[on], below[on + 1]),
+                        Eigen::Array4f(above[0], above[1], above[on], above[on + 1])},
+          .ways = {(in_plane + low[2]).sqrt(), (in_plane + high[2]).sqrt()},
+          .way = (point - within).norm()};
 }
 
 double DistanceField::AtMost(const Vector3d& point) const {
   // Beyond the samples it is at most as far as by way of the nearest one.
   const Near near = At(point);
-  const double least = (near.distances.cast<double>() + near.ways.cast<double>()).minCoeff();
+  const auto from = [&](size_t side) {
+    return near.distances[side].cast<double>() + near.ways[side].cast<double>();
+  };
+  const double least = from(0).min(from(1)).minCoeff();
   return least + kRounding + near.way;
 }
 
@@ -259,7 +255,10 @@ double DistanceField::AtLeast(const Vector3d& point) const {
   const Near near = At(point);
   if (near.way > 0) return to_box;
   // Samples deep inside tell too much, but nothing that is positive a step away.
-  const double greatest = (near.distances.cast<double>() - near.ways.cast<double>()).maxCoeff();
+  const auto from = [&](size_t side) {
+    return near.distances[side].cast<double>() - near.ways[side].cast<double>();
+  };
+  const double greatest = from(0).max(from(1)).maxCoeff();
   return std::max(greatest - kRounding, to_box);
 }
 
