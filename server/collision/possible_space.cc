@@ -51,7 +51,7 @@ class PlainVoxels {
   uint64_t shown_ = 0;
 };
 
-void CheckSizes(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+void CheckSizes(const VoxelSpace& space, const ObstacleImages& images,
                 std::span<const std::optional<Mask>> allowed) {
   const auto views = static_cast<size_t>(space.views());
   if (images.size() != views || (!allowed.empty() && allowed.size() != views)) {
@@ -62,13 +62,6 @@ void CheckSizes(const VoxelSpace& space, const ObstacleImages& images, const Rob
     const bool fits = (!images[view] || images[view]->size() == size) &&
                       (allowed.empty() || !allowed[view] || allowed[view]->size() == size);
     if (!fits) throw std::invalid_argument("an image has not the size of its view's masks");
-  }
-  for (const VoxelSet* set : {&robot.inside, &robot.no_centre}) {
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!set->words().empty() && set->size(axis) != space.grid().size(axis)) {
-        throw std::invalid_argument("the robot's voxels are not of the space's grid");
-      }
-    }
   }
 }
 
@@ -85,6 +78,181 @@ void SetPixels(std::span<uint64_t> words, int image_width, const PixelRectangle&
     return false;
   });
 }
+
+// A bit per voxel of a block, by its row along x: row y + kBlockEdge * z.
+constexpr int kBlockRows = kPossibleSpaceEdge * kPossibleSpaceEdge;
+using BlockBits = std::array<uint8_t, kBlockRows>;
+
+bool AllEmpty(const BlockBits& bits) {
+  return std::ranges::all_of(bits, [](uint8_t row) { return row == 0; });
+}
+
+// The voxels of a block.
+struct BlockVoxels {
+  BlockBits possible{};
+  // Of these: what stays however small the obstacle, and what is allowed in all views that see it.
+  BlockBits plain{};
+  BlockBits allowed{};
+  // Where balls may have their centres, of `possible`.
+  BlockBits centres{};
+};
+
+// What the images say of blocks of voxels. Refers to the space.
+class ImagesInBlocks {
+ public:
+  ImagesInBlocks(const VoxelSpace& space, const ObstacleImages& images,
+                 std::span<const std::optional<Mask>> allowed, int max_occluded_views)
+      : space_(space), max_occluded_views_(max_occluded_views) {
+    tables_.reserve(images.size());
+    for (size_t view = 0; view < images.size(); ++view) {
+      tables_.emplace_back(space.look(static_cast<int>(view)), images[view],
+                           allowed.empty() ? std::nullopt : allowed[view]);
+    }
+    any_allowed_ = std::ranges::any_of(
+        allowed, [](const std::optional<Mask>& mask) { return mask && !mask->Empty(); });
+  }
+
+  BlockVoxels At(size_t slot) const {
+    BlockVoxels block;
+    for (size_t view = 0; view < tables_.size(); ++view) {
+      if (!tables_[view].AnyPossible(LookOf(view).block_touched[slot])) return block;
+    }
+    for (size_t row = 0; row < kBlockRows; ++row) {
+      LookAtRow(slot * VoxelGrid::kBlockVoxels + row * kPossibleSpaceEdge, row, block);
+    }
+    return block;
+  }
+
+ private:
+  const VoxelSpace::Look& LookOf(size_t view) const { return space_.look(static_cast<int>(view)); }
+
+  void LookAtRow(size_t place, size_t row, BlockVoxels& block) const {
+    uint64_t bytes = ~uint64_t{0};
+    PlainVoxels plain;
+    for (size_t view = 0; view < tables_.size(); ++view) {
+      const uint64_t in_view = Gather(tables_[view].touched(), LookOf(view).touched.data() + place);
+      bytes &= in_view;
+      if (BitOfBytes(bytes, 0) == 0) return;
+      plain.Add(in_view);
+    }
+    const unsigned possible = BitOfBytes(bytes, 0);
+    block.possible[row] = static_cast<uint8_t>(possible);
+    block.plain[row] = static_cast<uint8_t>(possible & plain.Bits(max_occluded_views_));
+    if (any_allowed_) block.allowed[row] = static_cast<uint8_t>(possible & BitOfBytes(bytes, 2));
+    unsigned centres = possible;
+    for (size_t view = 0; view < tables_.size() && centres != 0; ++view) {
+      const uint32_t* certain = LookOf(view).certain.data() + place;
+      for (unsigned left = centres; left != 0; left &= left - 1) {
+        const int x = std::countr_zero(left);
+        if (!tables_[view].CentrePossible(certain[x])) centres &= ~(1u << x);
+      }
+    }
+    block.centres[row] = static_cast<uint8_t>(centres);
+  }
+
+  const VoxelSpace& space_;
+  int max_occluded_views_;
+  std::vector<LookTables> tables_;
+  bool any_allowed_ = false;
+};
+
+// Takes the robot's body out of a block: voxels wholly inside it, and centres from which every ball
+// of the least obstacle reaches into it. Asks for no distance where there is nothing to take.
+class BodyInBlock {
+ public:
+  BodyInBlock(const VoxelSpace& space, const BodyDistance& body, const VoxelSpace::Block& block,
+              BlockVoxels& voxels)
+      : grid_(space.grid()),
+        rho_(space.least_obstacle()),
+        body_(body),
+        origin_(kPossibleSpaceEdge * Eigen::Vector3i(block.x, block.y, block.z)),
+        voxels_(voxels) {}
+
+  void Remove() { Visit({0, 0, 0, kPossibleSpaceEdge}); }
+
+ private:
+  // The voxels [x, x + edges) and so on of the block.
+  struct Cube {
+    int x = 0;
+    int y = 0;
+    int z = 0;
+    int edges = 0;
+
+    unsigned bits() const { return ((1u << edges) - 1) << x; }
+    size_t row(int i) const {
+      return static_cast<size_t>(y + i % edges + kPossibleSpaceEdge * (z + i / edges));
+    }
+  };
+  static bool Any(const BlockBits& voxels, const Cube& cube) {
+    for (int i = 0; i < cube.edges * cube.edges; ++i) {
+      if ((voxels[cube.row(i)] & cube.bits()) != 0) return true;
+    }
+    return false;
+  }
+  static void Clear(BlockBits& voxels, const Cube& cube) {
+    for (int i = 0; i < cube.edges * cube.edges; ++i) {
+      voxels[cube.row(i)] &= static_cast<uint8_t>(~cube.bits());
+    }
+  }
+
+  Eigen::Vector3d Middle(const Cube& cube) const {
+    return grid_.Corner(origin_.x() + cube.x, origin_.y() + cube.y, origin_.z() + cube.z) +
+           grid_.edge() * cube.edges / 2 * Eigen::Vector3d::Ones();
+  }
+
+  // All of the cube is decided by its middle, or its eighths are.
+  void Visit(const Cube& cube) {
+    const bool any_centre = Any(voxels_.centres, cube);
+    if (!any_centre && !Any(voxels_.possible, cube)) return;
+    const double distance = body_(Middle(cube));
+    if (cube.edges == 1) {
+      VisitVoxel(cube, distance, any_centre);
+      return;
+    }
+    const double half_diagonal = std::sqrt(3.0) / 2 * grid_.edge();
+    const double reach = cube.edges * half_diagonal;
+    // No voxel of the cube is wholly below this, or less.
+    const double least = distance - reach + 1.5 * half_diagonal;
+    if (least >= (any_centre ? rho_ : 0)) return;
+    if (distance + reach < rho_) Clear(voxels_.centres, cube);
+    if (distance + reach < 0) Clear(voxels_.possible, cube);
+    const int half = cube.edges / 2;
+    for (int corner = 0; corner < 8; ++corner) {
+      Visit({cube.x + (corner & 1) * half, cube.y + (corner >> 1 & 1) * half,
+             cube.z + (corner >> 2) * half, half});
+    }
+  }
+
+  void VisitVoxel(const Cube& voxel, double distance, bool centre) {
+    if (WhollyBelow(0, voxel, distance)) {
+      Clear(voxels_.possible, voxel);
+      Clear(voxels_.centres, voxel);
+    } else if (centre && WhollyBelow(rho_, voxel, distance)) {
+      Clear(voxels_.centres, voxel);
+    }
+  }
+
+  // Where the voxel's middle decides nothing, those of its eighths do, which are nearer to all of
+  // their points.
+  bool WhollyBelow(double limit, const Cube& voxel, double distance) const {
+    const double half_diagonal = std::sqrt(3.0) / 2 * grid_.edge();
+    if (distance + half_diagonal < limit) return true;
+    const double most = limit - half_diagonal / 2;
+    if (!(distance < most)) return false;
+    const Eigen::Vector3d middle = Middle(voxel);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
+      if (!(body_(middle + grid_.edge() / 2 * to) < most)) return false;
+    }
+    return true;
+  }
+
+  const VoxelGrid& grid_;
+  double rho_;
+  const BodyDistance& body_;
+  Eigen::Vector3i origin_;
+  BlockVoxels& voxels_;
+};
 
 // The planes of one part, while they are drawn.
 class PartPlanes {
@@ -172,123 +340,36 @@ bool AnyInBlock(const VoxelSet& set, const VoxelSpace::Block& block) {
 
 }  // namespace
 
-RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
-                          const std::function<double(const Eigen::Vector3d&)>& signed_distance) {
-  const VoxelGrid& grid = space.grid();
-  const double rho = space.least_obstacle();
-  const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
-  RobotVoxels robot{VoxelSet(grid), VoxelSet(grid)};
-  // `at_centre`: the distance of the voxel's centre. Where it decides nothing, the centres of the
-  // voxel's eighths do, which are nearer to all of their points.
-  const auto wholly_below = [&](int x, int y, int z, double at_centre, double limit) {
-    if (at_centre + half_diagonal < limit) return true;
-    const double most = limit - half_diagonal / 2;
-    if (!(at_centre < most)) return false;
-    const Eigen::Vector3d centre = grid.Box(x, y, z).center();
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
-      if (!(signed_distance(centre + grid.edge() / 2 * to) < most)) return false;
-    }
-    return true;
-  };
-  const auto insert = [](VoxelSet& set, int x, int y, int z, int edges) {
-    for (int i = 0; i < edges * edges; ++i) {
-      set.InsertRun(x, x + edges - 1, y + i % edges, z + i / edges);
-    }
-  };
-  // A cube of voxels: all of it is decided by its centre, or its eighths are.
-  const auto visit = [&](auto& self, int x, int y, int z, int edges) -> void {
-    const Eigen::Vector3d centre =
-        grid.Corner(x, y, z) + grid.edge() * edges / 2 * Eigen::Vector3d::Ones();
-    const double at_centre = signed_distance(centre);
-    if (edges == 1) {
-      if (wholly_below(x, y, z, at_centre, rho)) robot.no_centre.Insert(x, y, z);
-      if (wholly_below(x, y, z, at_centre, 0)) robot.inside.Insert(x, y, z);
-      return;
-    }
-    const double reach = edges * half_diagonal;
-    // No voxel of the cube is wholly below this, or less.
-    const double least = at_centre - reach + 1.5 * half_diagonal;
-    if (least >= rho) return;
-    const bool all_below = at_centre + reach < rho;
-    if (all_below && (least >= 0 || at_centre + reach < 0)) {
-      insert(robot.no_centre, x, y, z, edges);
-      if (least < 0) insert(robot.inside, x, y, z, edges);
-      return;
-    }
-    const int half = edges / 2;
-    for (int corner = 0; corner < 8; ++corner) {
-      self(self, x + (corner & 1) * half, y + (corner >> 1 & 1) * half, z + (corner >> 2) * half,
-           half);
-    }
-  };
-  for (const VoxelSpace::Block& block : space.active()) {
-    visit(visit, block.x * kPossibleSpaceEdge, block.y * kPossibleSpaceEdge,
-          block.z * kPossibleSpaceEdge, kPossibleSpaceEdge);
-  }
-  return robot;
-}
-
 PossibleVoxels::PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images,
-                               const RobotVoxels& robot,
+                               const BodyDistance& body,
                                std::span<const std::optional<Mask>> allowed,
                                int max_occluded_views) {
-  CheckSizes(space, images, robot, allowed);
+  CheckSizes(space, images, allowed);
   if (max_occluded_views < 0) {
     throw std::invalid_argument("max_occluded_views must not be negative");
-  }
-  const auto views = static_cast<size_t>(space.views());
-  std::vector<LookTables> tables;
-  tables.reserve(views);
-  for (size_t view = 0; view < views; ++view) {
-    tables.emplace_back(space.look(static_cast<int>(view)), images[view],
-                        allowed.empty() ? std::nullopt : allowed[view]);
   }
   const VoxelGrid& grid = space.grid();
   VoxelSet possible(grid);
   centres = VoxelSet(grid);
   plain = VoxelSet(grid);
   VoxelSet taken(grid);
-  const bool any_allowed = std::any_of(allowed.begin(), allowed.end(),
-                                       [](const auto& mask) { return mask && !mask->Empty(); });
-  const auto row_of = [](const VoxelSet& set, int bx, int y, int z) {
-    return set.words().empty() ? 0u : set.RowOfBlock(bx, y, z);
-  };
+  const ImagesInBlocks in_images(space, images, allowed, max_occluded_views);
   for (size_t slot = 0; slot < space.active().size(); ++slot) {
-    const VoxelSpace::Block& block = space.active()[slot];
-    bool live = true;
-    for (size_t view = 0; live && view < views; ++view) {
-      live = tables[view].AnyPossible(space.look(static_cast<int>(view)).block_touched[slot]);
-    }
-    if (!live) continue;
-    size_t place = slot * VoxelGrid::kBlockVoxels;
-    for (int row = 0; row < kPossibleSpaceEdge * kPossibleSpaceEdge;
-         ++row, place += kPossibleSpaceEdge) {
-      uint64_t bytes = ~uint64_t{0};
-      PlainVoxels plain_voxels;
-      for (size_t view = 0; view < views && BitOfBytes(bytes, 0) != 0; ++view) {
-        const uint64_t in_view = Gather(tables[view].touched(),
-                                        space.look(static_cast<int>(view)).touched.data() + place);
-        bytes &= in_view;
-        plain_voxels.Add(in_view);
-      }
-      const int y = block.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
-      const int z = block.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
-      const unsigned bits = BitOfBytes(bytes, 0) & ~row_of(robot.inside, block.x, y, z);
+    BlockVoxels block = in_images.At(slot);
+    if (AllEmpty(block.possible)) continue;
+    const VoxelSpace::Block& at = space.active()[slot];
+    if (body) BodyInBlock(space, body, at, block).Remove();
+    for (int row = 0; row < kBlockRows; ++row) {
+      const auto i = static_cast<size_t>(row);
+      const unsigned bits = block.possible[i];
       if (bits == 0) continue;
-      const unsigned seen = space.seen().RowOfBlock(block.x, y, z);
-      possible.InsertRowOfBlock(block.x, y, z, bits);
-      plain.InsertRowOfBlock(block.x, y, z, bits & plain_voxels.Bits(max_occluded_views));
-      if (any_allowed) taken.InsertRowOfBlock(block.x, y, z, bits & seen & BitOfBytes(bytes, 2));
-      unsigned centre = bits & ~row_of(robot.no_centre, block.x, y, z);
-      for (size_t view = 0; view < views && centre != 0; ++view) {
-        const uint32_t* certain = space.look(static_cast<int>(view)).certain.data() + place;
-        for (unsigned left = centre; left != 0; left &= left - 1) {
-          const int x = std::countr_zero(left);
-          if (!tables[view].CentrePossible(certain[x])) centre &= ~(1u << x);
-        }
-      }
-      centres.InsertRowOfBlock(block.x, y, z, centre);
+      const int y = at.y * kPossibleSpaceEdge + row % kPossibleSpaceEdge;
+      const int z = at.z * kPossibleSpaceEdge + row / kPossibleSpaceEdge;
+      possible.InsertRowOfBlock(at.x, y, z, bits);
+      plain.InsertRowOfBlock(at.x, y, z, bits & block.plain[i]);
+      taken.InsertRowOfBlock(at.x, y, z,
+                             bits & block.allowed[i] & space.seen().RowOfBlock(at.x, y, z));
+      centres.InsertRowOfBlock(at.x, y, z, block.centres[i]);
     }
   }
   remaining = MetByBalls(centres, grid, space.least_obstacle());
@@ -301,10 +382,10 @@ PossibleVoxels::PossibleVoxels(const VoxelSpace& space, const ObstacleImages& im
 }
 
 PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
-                             const RobotVoxels& robot, std::span<const std::optional<Mask>> allowed,
+                             const BodyDistance& body, std::span<const std::optional<Mask>> allowed,
                              int max_occluded_views)
     : space_(space),
-      voxels_(space, images, robot, allowed, max_occluded_views),
+      voxels_(space, images, body, allowed, max_occluded_views),
       max_occluded_views_(max_occluded_views) {
   plain_blocks_ = BlocksOf(voxels_.plain);
   centre_blocks_ = BlocksOf(voxels_.centres);

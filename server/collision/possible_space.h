@@ -29,24 +29,15 @@
 
 namespace silhouette {
 
-// The robot's own body at its present configuration, in voxels; no set may be too large, any may be
-// too small. Empty sets: nothing is known of the body.
-struct RobotVoxels {
-  // Wholly inside the body.
-  VoxelSet inside;
-  // Every ball of radius rho with its centre in the voxel reaches into the body.
-  VoxelSet no_centre;
-};
-
-// From the signed distance of a point to the body, negative inside. The true one, or more: then the
-// body counts for less. It changes by no more than the way between two points.
-RobotVoxels VoxelsOfRobot(const VoxelSpace& space,
-                          const std::function<double(const Eigen::Vector3d&)>& signed_distance);
+// The signed distance, metres, of a point from the robot's own body at its present configuration,
+// negative inside; or more: then the body counts for less. It changes by no more than the way
+// between two points. Empty: nothing is known of the body.
+using BodyDistance = std::function<double(const Eigen::Vector3d&)>;
 
 // What may hold an obstacle, in voxels.
 struct PossibleVoxels {
   // The arguments and errors are those of PossibleSpace.
-  PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+  PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images, const BodyDistance& body,
                  std::span<const std::optional<Mask>> allowed, int max_occluded_views);
 
   // All of it, where the robot may be met.
@@ -66,7 +57,7 @@ class PossibleSpace {
   // a voxel is taken away if in every view that sees it all pixels other than background that it
   // touches are allowed. `max_occluded_views`: MaxOccludedViews of the policy. Throws
   // std::invalid_argument if something has not the right size, or it is negative.
-  PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const RobotVoxels& robot,
+  PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const BodyDistance& body,
                 std::span<const std::optional<Mask>> allowed = {}, int max_occluded_views = 1);
 
   const VoxelSpace& space() const { return space_; }

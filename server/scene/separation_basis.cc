@@ -143,7 +143,7 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
                                             std::span<const std::optional<Mask>> allowed,
                                             int max_occluded_views) const {
   VoxelSet people =
-      PossibleVoxels(space_, images, sound_->RobotAt(space_, joints), allowed, max_occluded_views)
+      PossibleVoxels(space_, images, sound_->RobotAt(joints), allowed, max_occluded_views)
           .remaining;
   KeepOnly(people, counted_);
   VoxelSet close = near.remaining();

@@ -148,14 +148,12 @@ std::optional<std::vector<double>> SoundBasis::Positions(
   return positions;
 }
 
-RobotVoxels SoundBasis::RobotAt(const VoxelSpace& space,
-                                std::span<const JointPosition> joints) const {
+BodyDistance SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
   const std::optional<std::vector<double>> positions = Positions(joints);
-  if (!positions) return {};
-  const PosedBody body = body_.At(*positions);
-  return VoxelsOfRobot(space, [&body, hint = size_t{0}](const Eigen::Vector3d& point) mutable {
+  if (!positions) return nullptr;
+  return [body = body_.At(*positions), hint = size_t{0}](const Eigen::Vector3d& point) mutable {
     return body.AtMost(point, hint);
-  });
+  };
 }
 
 std::optional<std::vector<double>> SoundBasis::PositionsAt(const Configuration& q) const {
@@ -292,7 +290,7 @@ const PossibleSpace& ScenePossibleSpace::Get(const std::shared_ptr<const SoundBa
                                              std::span<const std::optional<Mask>> allowed,
                                              int max_occluded_views) const {
   return spaces_.Get({basis, max_occluded_views}, [&] {
-    return PossibleSpace(basis->space(), images, basis->RobotAt(basis->space(), joints), allowed,
+    return PossibleSpace(basis->space(), images, basis->RobotAt(joints), allowed,
                          max_occluded_views);
   });
 }

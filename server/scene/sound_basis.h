@@ -62,9 +62,9 @@ class SoundBasis {
   double resolvable_obstacle() const { return resolvable_obstacle_; }
   double mask_scale() const { return mask_scale_; }
 
-  // The robot's own body in voxels of a space; nothing is known of it if a joint of the model has
-  // no value.
-  RobotVoxels RobotAt(const VoxelSpace& space, std::span<const JointPosition> joints) const;
+  // The robot's own body; nothing is known of it if a joint of the model has no value. Refers to
+  // this; a copy is to be used by one thread.
+  BodyDistance RobotAt(std::span<const JointPosition> joints) const;
 
   // TestSupport::robot_may_touch while the robot stands at `joints`; null unless the model holds
   // the whole robot. What the robot does not touch now, it does not touch with the links that then

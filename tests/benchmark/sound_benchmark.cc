@@ -52,17 +52,13 @@ struct BallScene {
     }
     space = std::make_unique<VoxelSpace>(
         Eigen::AlignedBox3d(Vector3d::Constant(-1), Vector3d::Constant(1)), kRho, views, kEdge);
-    body = BodyVoxels();
-  }
-  RobotVoxels BodyVoxels() const {
-    const Balls robot = BallRobot();
-    return VoxelsOfRobot(
-        *space, [&robot](const Vector3d& point) { return testing::DistanceTo(robot, point); });
   }
 
   ObstacleImages images;
   std::unique_ptr<VoxelSpace> space;
-  RobotVoxels body;
+  BodyDistance body = [robot = BallRobot()](const Vector3d& point) {
+    return testing::DistanceTo(robot, point);
+  };
 };
 
 const BallScene& SceneOf(int pixels) {
@@ -120,8 +116,7 @@ VoxelSet PlainRemaining(const BallScene& scene) {
   for (int z = 0; z < grid.size(2); ++z) {
     for (int y = 0; y < grid.size(1); ++y) {
       for (int x = 0; x < grid.size(0); ++x) {
-        if (scene.body.inside.at(x, y, z)) continue;
-        if (!may_be(x, y, z)) continue;
+        if (!may_be(x, y, z) || testing::WhollyBelow(scene.body, grid.Box(x, y, z), 0)) continue;
         possible.Insert(x, y, z);
         int shown = 0;
         int occluded = 0;
@@ -131,7 +126,9 @@ VoxelSet PlainRemaining(const BallScene& scene) {
           (AnySet(scene.images[view]->obstacle(), pixels) ? shown : occluded) += 1;
         }
         if (shown > 0 && occluded <= Policy{}.max_occluded_views) plain.Insert(x, y, z);
-        if (!scene.body.no_centre.at(x, y, z) && may_be_centre(x, y, z)) fill_ball(x, y, z);
+        if (may_be_centre(x, y, z) && !testing::WhollyBelow(scene.body, grid.Box(x, y, z), kRho)) {
+          fill_ball(x, y, z);
+        }
       }
     }
   }
@@ -150,11 +147,6 @@ void BM_Sound_PossibleSpace(benchmark::State& state) {
   state.counters["voxels"] = static_cast<double>(scene.space->grid().voxels());
 }
 
-void BM_Sound_RobotVoxels(benchmark::State& state) {
-  const BallScene& scene = SceneOf(static_cast<int>(state.range(0)));
-  for (auto _ : state) benchmark::DoNotOptimize(scene.BodyVoxels());
-}
-
 void BM_Sound_PlainVoxelByVoxel(benchmark::State& state) {
   const BallScene& scene = SceneOf(static_cast<int>(state.range(0)));
   VoxelSet remaining;
@@ -164,7 +156,6 @@ void BM_Sound_PlainVoxelByVoxel(benchmark::State& state) {
 }
 
 BENCHMARK(BM_Sound_PossibleSpace)->Arg(64)->Arg(128)->Unit(benchmark::kMillisecond);
-BENCHMARK(BM_Sound_RobotVoxels)->Arg(64)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_Sound_PlainVoxelByVoxel)->Arg(64)->Arg(128)->Unit(benchmark::kMillisecond);
 
 }  // namespace

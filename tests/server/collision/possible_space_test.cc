@@ -70,16 +70,15 @@ struct PossibleSpaceRandomScene {
       allowed.resize(any_allowed ? images.size() : 0);
     }
     if (missing_view) images[1] = std::nullopt;
-    body = {Vector3d(0.1, 0.05, 0), std::uniform_real_distribution<double>(0, 0.2)(random)};
+    balls = {{Vector3d(0.1, 0.05, 0), std::uniform_real_distribution<double>(0, 0.2)(random)},
+             {Vector3d(-0.1, 0.1, 0.1), std::uniform_real_distribution<double>(0, 0.1)(random)}};
   }
-  RobotVoxels Robot(const VoxelSpace& space) const {
-    return VoxelsOfRobot(space, [this](const Vector3d& point) {
-      return (point - body.centre).norm() - body.radius;
-    });
+  BodyDistance body() const {
+    return [this](const Vector3d& point) { return testing::DistanceTo(balls, point); };
   }
   ObstacleImages images;
   std::vector<std::optional<Mask>> allowed;
-  testing::Ball body;
+  testing::Balls balls;  // the robot
 };
 
 // The definition.
@@ -87,11 +86,12 @@ VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRand
                                 int max_occluded_views) {
   const VoxelGrid& grid = space.grid();
   VoxelSet possible(grid), centres(grid), plain(grid), taken(grid);
-  const RobotVoxels robot = scene.Robot(space);
+  const BodyDistance body = scene.body();
   for (int z = 0; z < grid.size(2); ++z) {
     for (int y = 0; y < grid.size(1); ++y) {
       for (int x = 0; x < grid.size(0); ++x) {
-        bool is_possible = !robot.inside.at(x, y, z), has_centre = !robot.no_centre.at(x, y, z);
+        bool is_possible = !testing::WhollyBelow(body, grid.Box(x, y, z), 0);
+        bool has_centre = !testing::WhollyBelow(body, grid.Box(x, y, z), kPossibleSpaceRho);
         bool is_taken = space.seen().at(x, y, z);
         int shown = 0, occluded = 0;
         for (int view = 0; view < space.views(); ++view) {
@@ -129,49 +129,43 @@ VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRand
   return remaining;
 }
 
-TEST(RobotVoxels, AreThoseWhoseCentreOrAllEighthsAreDeepEnoughAndNothingElse) {
+TEST(PossibleVoxels, HaveNoCentreWhoseBallsReachIntoTheBodyAndAllOthers) {
   Random random;
   const VoxelSpace space = SomeSpace();
   const VoxelGrid& grid = space.grid();
   std::uniform_real_distribution<double> place(-0.4, 0.4);
   std::uniform_real_distribution<double> radius(0.02, 0.25);
-  int inside = 0;
+  const ObstacleImages nothing_seen(static_cast<size_t>(space.views()));
+  int taken = 0;
   for (int i = 0; i < std::max(SampleCount(8), 4); ++i) {
-    testing::Balls body;
+    testing::Balls robot;
     for (int ball = 0; ball <= i % 3; ++ball) {
-      body.push_back({Vector3d(place(random), place(random), place(random)), radius(random)});
+      robot.push_back({Vector3d(place(random), place(random), place(random)), radius(random)});
     }
-    const auto distance = [&](const Vector3d& point) { return testing::DistanceTo(body, point); };
-    const RobotVoxels robot = VoxelsOfRobot(space, distance);
-    const double half_diagonal = std::sqrt(3.0) / 2 * grid.edge();
-    const auto deep = [&](const Vector3d& centre, double limit) {
-      if (distance(centre) + half_diagonal < limit) return true;
-      bool all = distance(centre) + half_diagonal / 2 < limit;
-      for (int corner = 0; corner < 8; ++corner) {
-        const Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
-        all = all && distance(centre + grid.edge() / 2 * to) + half_diagonal / 2 < limit;
-      }
-      return all;
-    };
+    const auto body = [&](const Vector3d& point) { return testing::DistanceTo(robot, point); };
+    const PossibleVoxels voxels(space, nothing_seen, body, {}, 1);
     for (int64_t v = 0; v < grid.voxels(); ++v) {
       const int x = static_cast<int>(v % grid.size(0));
       const int y = static_cast<int>(v / grid.size(0) % grid.size(1));
       const int z = static_cast<int>(v / grid.size(0) / grid.size(1));
-      const Vector3d centre = grid.Box(x, y, z).center();
       const bool looked_at = space.PlaceOf(x, y, z).has_value();
-      ASSERT_EQ(robot.no_centre.at(x, y, z), looked_at && deep(centre, kPossibleSpaceRho));
-      ASSERT_EQ(robot.inside.at(x, y, z), looked_at && deep(centre, 0));
-      inside += robot.inside.at(x, y, z) ? 1 : 0;
+      const bool in_body = testing::WhollyBelow(body, grid.Box(x, y, z), kPossibleSpaceRho);
+      ASSERT_EQ(voxels.centres.at(x, y, z), looked_at && !in_body);
+      taken += looked_at && in_body ? 1 : 0;
     }
   }
-  EXPECT_GT(inside, 0);
+  EXPECT_GT(taken, 0);
 }
 
-TEST(RobotVoxels, AreNoneWhereTheDistanceIsNotKnown) {
-  const RobotVoxels robot =
-      VoxelsOfRobot(SomeSpace(), [](const Vector3d&) { return std::nan(""); });
-  EXPECT_EQ(robot.inside.Count(), 0);
-  EXPECT_EQ(robot.no_centre.Count(), 0);
+TEST(PossibleVoxels, LoseNothingToABodyWhoseDistanceIsNotKnown) {
+  const VoxelSpace space = SomeSpace();
+  const ObstacleImages nothing_seen(static_cast<size_t>(space.views()));
+  const auto unknown = [](const Vector3d&) { return std::nan(""); };
+  const PossibleVoxels voxels(space, nothing_seen, unknown, {}, 1);
+  const PossibleVoxels without_body(space, nothing_seen, nullptr, {}, 1);
+  EXPECT_GT(voxels.remaining.Count(), 0);
+  EXPECT_TRUE(voxels.remaining == without_body.remaining);
+  EXPECT_TRUE(voxels.centres == without_body.centres);
 }
 
 TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
@@ -181,8 +175,7 @@ TEST(PossibleSpace, IsTheReferencesOnRandomImages) {
   for (int i = 0; i < std::max(SampleCount(8), 4); ++i) {
     const PossibleSpaceRandomScene scene(space, random, i % 4 == 3, i % 2 == 1);
     for (int may_occlude : {0, 1, 200}) {
-      const PossibleSpace possible(space, scene.images, scene.Robot(space), scene.allowed,
-                                   may_occlude);
+      const PossibleSpace possible(space, scene.images, scene.body(), scene.allowed, may_occlude);
       EXPECT_TRUE(possible.remaining() == PossibleSpaceReference(space, scene, may_occlude))
           << "scene " << i;
       remaining += possible.remaining().Count();
@@ -220,7 +213,7 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
   int unmet = 0;
   for (int i = 0; i < 40; ++i) {
     const PossibleSpaceRandomScene scene(space, random, i % 8 == 7, false);
-    const PossibleSpace possible(space, scene.images, scene.Robot(space));
+    const PossibleSpace possible(space, scene.images, scene.body());
     std::vector<Mask> robot;
     std::vector<MaskWords> words;
     for (int view = 0; view < space.views(); ++view) {
@@ -259,9 +252,6 @@ TEST(PossibleSpace, RefusesWhatDoesNotFit) {
   ObstacleImages other = scene.images;
   std::swap(other[0], other[1]);
   EXPECT_THROW(PossibleSpace(space, other, {}), std::invalid_argument);
-  const VoxelGrid small({Vector3d(0, 0, 0), Vector3d(1, 1, 1)}, 0.1);
-  EXPECT_THROW(PossibleSpace(space, scene.images, {VoxelSet(small), VoxelSet()}),
-               std::invalid_argument);
 }
 
 }  // namespace

@@ -247,7 +247,7 @@ TEST(SoundMapTest, AnAllowedRegionTakesAwayWhatLiesInItInAllViews) {
   const Balls around{{Vector3d(-0.3, -0.3, 0.05), 0.2}};
   std::vector<std::optional<Mask>> allowed;
   for (const BallCamera& camera : world.cameras) allowed.push_back(camera.See(around));
-  const RobotVoxels body = world.Body(present);
+  const BodyDistance body = world.Body(present);
   EXPECT_GT(PossibleSpace(world.space, images, body).remaining().Count(), 0);
   EXPECT_EQ(PossibleSpace(world.space, images, body, allowed).remaining().Count(), 0);
   allowed[1] = std::nullopt;

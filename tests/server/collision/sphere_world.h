@@ -225,9 +225,8 @@ struct SphereWorld {
     }
     return images;
   }
-  RobotVoxels Body(ConfigurationNumber present) const {
-    const Balls arm = Arm(present);
-    return VoxelsOfRobot(space, [&arm](const Vector3d& point) { return DistanceTo(arm, point); });
+  static BodyDistance Body(ConfigurationNumber present) {
+    return [arm = Arm(present)](const Vector3d& point) { return DistanceTo(arm, point); };
   }
 
   std::vector<BallCamera> cameras;
@@ -235,6 +234,20 @@ struct SphereWorld {
   RobotImageTable table;
   VoxelSpace space;
 };
+
+// Whether the voxel's centre, or all eighths', show that no point of it is as far as `limit` from
+// the body.
+inline bool WhollyBelow(const BodyDistance& body, const Eigen::AlignedBox3d& voxel, double limit) {
+  const double half_diagonal = voxel.diagonal().norm() / 2;
+  if (body(voxel.center()) + half_diagonal < limit) return true;
+  if (!(body(voxel.center()) + half_diagonal / 2 < limit)) return false;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vector3d to((corner & 1) - 0.5, (corner >> 1 & 1) - 0.5, (corner >> 2) - 0.5);
+    const Vector3d eighth = voxel.center() + voxel.sizes().x() / 2 * to;
+    if (!(body(eighth) + half_diagonal / 2 < limit)) return false;
+  }
+  return true;
+}
 
 // Seen by three parallel cameras.
 inline SphereWorld ParallelWorld() {

@@ -146,14 +146,14 @@ SoundSpace::SoundSpace(const SphereCell& cell, const SoundSettings& settings)
   starts_.push_back(rows_.size());
 }
 
-RobotVoxels SoundSpace::BodyOf(std::span<const Sphere> robot) const {
-  return VoxelsOfRobot(space_, [robot](const Vector3d& point) {
+BodyDistance BodyOf(std::span<const Sphere> robot) {
+  return [robot](const Vector3d& point) {
     double distance = std::numeric_limits<double>::infinity();
     for (const Sphere& sphere : robot) {
       distance = std::min(distance, (point - sphere.centre).norm() - sphere.radius);
     }
     return distance;
-  });
+  };
 }
 
 std::span<const SoundSpace::Row> SoundSpace::Touched(size_t index, size_t sphere) const {
@@ -164,7 +164,7 @@ std::span<const SoundSpace::Row> SoundSpace::Touched(size_t index, size_t sphere
 }
 
 SoundVerdicts CheckSound(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                         ViewSet views, const RobotVoxels& body, const Spheres* robot) {
+                         ViewSet views, const BodyDistance& body, const Spheres* robot) {
   const SphereCell& cell = sound.cell();
   const bool in_cells = robot == nullptr;
   const ObstacleImages chosen = Chosen(images, views);

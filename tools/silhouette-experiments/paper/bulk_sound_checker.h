@@ -28,7 +28,6 @@ class SoundSpace {
 
   const SphereCell& cell() const { return cell_; }
   const VoxelSpace& space() const { return space_; }
-  RobotVoxels BodyOf(std::span<const Sphere> robot) const;
 
   struct Row {
     uint16_t y = 0;
@@ -53,11 +52,14 @@ struct SoundVerdicts {
   ConfigurationSet voxels;  // sound
 };
 
+// The body of a robot of spheres, which must outlive it.
+BodyDistance BodyOf(std::span<const Sphere> robot);
+
 // Checks all configurations of the grid in a scene with the views of `views`. `images`: of all
 // views. `body`, `robot`: at its present configuration. Without `robot` it checks configurations in
 // the grid cells instead, by the union of the robot images at their corners, without the robot's
 // body there.
 SoundVerdicts CheckSound(const SoundSpace& sound, std::span<const ObstacleImage> images,
-                         ViewSet views, const RobotVoxels& body, const Spheres* robot);
+                         ViewSet views, const BodyDistance& body, const Spheres* robot);
 
 }  // namespace silhouette::paper

@@ -103,7 +103,7 @@ Json VerdictsOf(const Settings& settings, Variant variant, const std::string& ri
   }
   const SoundSpace sound(cell, settings.sound);
   const Spheres& robot = arms.At(scene.current);
-  const SoundVerdicts verdicts = CheckSound(sound, images, all, sound.BodyOf(robot), &robot);
+  const SoundVerdicts verdicts = CheckSound(sound, images, all, BodyOf(robot), &robot);
   reported[NameOf(Preset::kSoundPlanes)] = BitsOf(verdicts.planes, arms.size());
   reported[NameOf(Preset::kSound)] = BitsOf(verdicts.voxels, arms.size());
   const VoxelCube cube(cell.cameras(), settings.half_width, settings.reconstruction.voxels.back());

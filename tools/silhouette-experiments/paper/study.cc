@@ -187,7 +187,7 @@ class Measurer {
 
   // All views must show what is possible: with fewer the presets would only block more.
   void MeasureSound(const Part& part, const Trial& trial) {
-    const RobotVoxels body = sound_->BodyOf(trial.robot);
+    const BodyDistance body = BodyOf(trial.robot);
     for (ViewSet views = 1; views < ViewSet{1} << cell_.views(); ++views) {
       const bool in_cells = part.experiment == Experiment::kTestOffGrid;
       const SoundVerdicts verdicts =

@@ -101,7 +101,7 @@ class BulkCheckerTest : public testing::Test {
                             const std::vector<std::array<double, 2>>* offsets) {
     const SphereCell& cell = sound.cell();
     const Views all(cell, (ViewSet{1} << cell.views()) - 1);
-    const RobotVoxels body = sound.BodyOf(robot);
+    const BodyDistance body = BodyOf(robot);
     for (ViewSet views = 1; views < ViewSet{1} << cell.views(); ++views) {
       ObstacleImages chosen(images.size());
       for (size_t view = 0; view < images.size(); ++view) {
