@@ -7,6 +7,7 @@
 #include <limits>
 #include <span>
 #include <stdexcept>
+#include <utility>
 
 #include "db/mask/wider_vectors.h"
 
@@ -52,10 +53,44 @@ void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> sq
   for (size_t x = squares.size(); x-- > 0;) lower(x, apart);
 }
 
+// Rows along x, of `height` in each plane.
+class Rows {
+ public:
+  Rows(int width, int height, int depth, int16_t value)
+      : width_(static_cast<size_t>(width)),
+        height_(static_cast<size_t>(height)),
+        values_(width_ * height_ * static_cast<size_t>(depth), value) {}
+
+  std::span<int16_t> At(int y, int z) {
+    const size_t row = static_cast<size_t>(z) * height_ + static_cast<size_t>(y);
+    return std::span(values_).subspan(row * width_, width_);
+  }
+  std::vector<int16_t> values() && { return std::move(values_); }
+
+ private:
+  size_t width_;
+  size_t height_;
+  std::vector<int16_t> values_;
+};
+
+// Lowers the rows 0 to `rows` of a line of rows by what is in `from`, which has place `at` in that
+// line, and the square between. `most` is that of far away.
+template <typename RowAt>
+void Spread(std::span<const int16_t> from, int16_t most, int at, int rows, RowAt row_at) {
+  const int16_t least = *std::ranges::min_element(from);
+  // So far, a row there could be lowered.
+  int reach = 0;
+  while (least + Between(reach) < most) ++reach;
+  for (int to = std::max(at - reach + 1, 0); to < std::min(at + reach, rows); ++to) {
+    Lower(row_at(to), from, Between(std::abs(to - at)));
+  }
+}
+
 }  // namespace
 
 SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range,
-                               const std::optional<Eigen::AlignedBox3d>& known)
+                               const std::optional<Eigen::AlignedBox3d>& known,
+                               const std::optional<Eigen::AlignedBox3d>& asked)
     : grid_(sets.empty() ? throw std::invalid_argument("there is no set of voxels")
                          : sets.front().grid),
       range_(range),
@@ -71,6 +106,7 @@ SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double ran
   if (!(edges > 0 && edges <= 127)) {
     throw std::invalid_argument("a range of distances is positive, and at most 127 edges");
   }
+  PlaceMap(asked ? grid_.box().intersection(*asked) : grid_.box());
   VoxelSet all = sets.front().set;
   for (const VoxelsOfGrid& voxels : sets) {
     AddBlocks(voxels);
@@ -101,46 +137,49 @@ void SpaceDistances::AddBlocks(const VoxelsOfGrid& voxels) {
   }
 }
 
+void SpaceDistances::PlaceMap(const Eigen::AlignedBox3d& asked) {
+  if (asked.isEmpty()) throw std::invalid_argument("distances are asked for beyond the grid");
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto place = [&](double at, int last) {
+      return std::clamp(static_cast<int>((at - grid_.lower()[axis]) / grid_.edge()), 0, last);
+    };
+    first_[axis] = place(asked.min()[axis], grid_.size(axis) - 1);
+    size_[axis] = place(asked.max()[axis], grid_.size(axis) - 1) - first_[axis] + 1;
+  }
+}
+
 void SpaceDistances::FillMap(const VoxelSet& voxels) {
   const double edges = range_ / grid_.edge();
   const int reach = static_cast<int>(std::ceil(edges)) + 1;  // places apart that count
   const int16_t most = Between(reach);
-  const auto width = static_cast<size_t>(grid_.size(0));
-  const auto height = static_cast<size_t>(grid_.size(1));
-  const auto depth = static_cast<size_t>(grid_.size(2));
-  squares_.assign(width * height * depth, most);
-  const auto row_of = [&](std::vector<int16_t>& all, size_t y, size_t z) {
-    return std::span(all).subspan((z * height + y) * width, width);
-  };
-  for (size_t z = 0; z < depth; ++z) {
-    for (size_t y = 0; y < height; ++y) {
-      const auto row = voxels.row(static_cast<int>(y), static_cast<int>(z));
+  // Squares along x, of the rows of the whole grid.
+  Rows along_x(size_.x(), grid_.size(1), grid_.size(2), most);
+  std::vector<int16_t> whole_row(static_cast<size_t>(grid_.size(0)));
+  for (int z = 0; z < grid_.size(2); ++z) {
+    for (int y = 0; y < grid_.size(1); ++y) {
+      const auto row = voxels.row(y, z);
       if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
-      AlongRow(row, most, row_of(squares_, y, z));
+      std::ranges::fill(whole_row, most);
+      AlongRow(row, most, whole_row);
+      std::copy_n(whole_row.begin() + first_.x(), size_.x(), along_x.At(y, z).begin());
     }
   }
   // Along y, then along z: rows near by, each with the square between.
-  std::vector<int16_t> before = squares_;
-  const auto empty = [&](std::span<const int16_t> row) {
-    return std::ranges::all_of(row, [&](int16_t square) { return square == most; });
-  };
-  const auto spread = [&](size_t y, size_t z, bool along_z) {
-    const std::span<const int16_t> from = row_of(before, y, z);
-    if (empty(from)) return;
-    const auto at = static_cast<int>(along_z ? z : y);
-    const auto end = static_cast<int>(along_z ? depth : height);
-    for (int to = std::max(at - reach + 1, 0); to < std::min(at + reach, end); ++to) {
-      const auto place = static_cast<size_t>(to);
-      Lower(along_z ? row_of(squares_, y, place) : row_of(squares_, place, z), from,
-            Between(std::abs(to - at)));
-    }
-  };
-  for (bool along_z : {false, true}) {
-    before = squares_;
-    for (size_t z = 0; z < depth; ++z) {
-      for (size_t y = 0; y < height; ++y) spread(y, z, along_z);
+  Rows along_y(size_.x(), size_.y(), grid_.size(2), most);
+  for (int z = 0; z < grid_.size(2); ++z) {
+    for (int y = 0; y < grid_.size(1); ++y) {
+      Spread(along_x.At(y, z), most, y - first_.y(), size_.y(),
+             [&](int to) { return along_y.At(to, z); });
     }
   }
+  Rows along_z(size_.x(), size_.y(), size_.z(), most);
+  for (int z = 0; z < grid_.size(2); ++z) {
+    for (int y = 0; y < size_.y(); ++y) {
+      Spread(along_y.At(y, z), most, z - first_.z(), size_.z(),
+             [&](int to) { return along_z.At(y, to); });
+    }
+  }
+  squares_ = std::move(along_z).values();
 }
 
 double SpaceDistances::ToUnknown(const Eigen::Vector3d& point) const {
@@ -151,17 +190,20 @@ double SpaceDistances::ToUnknown(const Eigen::Vector3d& point) const {
 
 double SpaceDistances::AtLeast(const Eigen::Vector3d& point) const {
   const Eigen::Vector3d place = (point - grid_.lower()) / grid_.edge();
-  Eigen::Vector3i voxel;
+  Eigen::Vector3i voxel;  // of the map, the nearest
+  Eigen::Vector3d way;    // to it, edges
   for (int axis = 0; axis < 3; ++axis) {
     if (!(place[axis] >= 0 && place[axis] < grid_.size(axis))) return 0;
-    voxel[axis] = static_cast<int>(place[axis]);
+    voxel[axis] = std::clamp(static_cast<int>(place[axis]) - first_[axis], 0, size_[axis] - 1);
+    const int first = first_[axis] + voxel[axis];
+    way[axis] = std::max({0.0, first - place[axis], place[axis] - first - 1});
   }
-  const auto number = (static_cast<size_t>(voxel.z()) * static_cast<size_t>(grid_.size(1)) +
+  const auto number = (static_cast<size_t>(voxel.z()) * static_cast<size_t>(size_.y()) +
                        static_cast<size_t>(voxel.y())) *
-                          static_cast<size_t>(grid_.size(0)) +
+                          static_cast<size_t>(size_.x()) +
                       static_cast<size_t>(voxel.x());
-  return std::min(ToUnknown(point),
-                  std::sqrt(static_cast<double>(squares_[number])) * grid_.edge());
+  const double edges = std::sqrt(static_cast<double>(squares_[number])) - way.norm();
+  return std::clamp(edges * grid_.edge(), 0.0, ToUnknown(point));
 }
 
 void SpaceDistances::Measure(const Block& block, const Eigen::Vector3d& point, double& square) {

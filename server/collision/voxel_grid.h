@@ -38,6 +38,9 @@ class VoxelGrid {
     return {Corner(x, y, z), Corner(x + 1, y + 1, z + 1)};
   }
 
+  // All voxels.
+  Eigen::AlignedBox3d box() const { return {lower_, Corner(size_[0], size_[1], size_[2])}; }
+
   int blocks(int axis) const { return size_[axis] / kBlockEdge; }
   int64_t blocks() const { return voxels() / kBlockVoxels; }
   int BlockAt(int bx, int by, int bz) const { return (bz * blocks(1) + by) * blocks(0) + bx; }

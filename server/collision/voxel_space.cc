@@ -85,8 +85,7 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
 void VoxelSpace::FindActiveBlocks(std::span<const VoxelView> views,
                                   const Eigen::AlignedBox3d& workspace) {
   // Blocks as voxels: those that may hold a reached voxel, and those around them.
-  const VoxelGrid blocks({grid_.lower(), grid_.Corner(grid_.size(0), grid_.size(1), grid_.size(2))},
-                         kVoxelSpaceEdge * grid_.edge());
+  const VoxelGrid blocks(grid_.box(), kVoxelSpaceEdge * grid_.edge());
   VoxelSet reached(blocks);
   std::vector<VoxelLooker> lookers;
   for (size_t view = 0; view < views.size(); ++view) {

@@ -76,6 +76,38 @@ TEST(SpaceDistances, DistanceIsThatToTheNearestBoxOfAllSets) {
   }
 }
 
+TEST(SpaceDistances, AMapOfAPartOfTheGridIsThatOfAllThereAndBoundsWhatIsBeyond) {
+  Random random;
+  const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d(3, 2, 2)}, 0.05);
+  int within = 0;
+  for (int round = 0; round < 20; ++round) {
+    const auto somewhere = [&]() -> Eigen::Vector3d {
+      return Eigen::Array3d(3, 2, 2) * (Eigen::Array3d::Random() + 1) / 2.0001;
+    };
+    VoxelSet set(grid);
+    for (int i = 0; i < round % 5; ++i) {
+      const Eigen::Vector3i at = (somewhere() / grid.edge()).cast<int>();
+      set.Insert(at.x(), at.y(), at.z());
+    }
+    Eigen::AlignedBox3d asked(somewhere());
+    asked.extend(somewhere());
+    const double range = std::uniform_real_distribution<double>(0.1, 2)(random);
+    const SpaceDistances of_all({{set, grid}}, range);
+    const SpaceDistances of_part({{set, grid}}, range, {}, asked);
+    for (int i = 0; i < 300; ++i) {
+      const Eigen::Vector3d at = somewhere();
+      EXPECT_EQ(of_part.Distance(at, range), of_all.Distance(at, range));
+      EXPECT_LE(of_part.AtLeast(at), of_all.Distance(at, range) + 1e-9);
+      EXPECT_GE(of_part.AtLeast(at),
+                of_all.Distance(at, range) - 2 * asked.exteriorDistance(at) - 2 * grid.edge());
+      if (!asked.contains(at)) continue;
+      EXPECT_EQ(of_part.AtLeast(at), of_all.AtLeast(at));
+      ++within;
+    }
+  }
+  EXPECT_GT(within, 100);
+}
+
 TEST(SpaceDistances, NothingIsKnownBeyondTheGrid) {
   const VoxelGrid grid({Eigen::Vector3d::Zero(), Eigen::Vector3d::Ones()}, 0.1);
   const VoxelSet none(grid);
@@ -111,6 +143,8 @@ TEST(SpaceDistances, RefusesARangeThatCannotBe) {
   const VoxelSet other;
   EXPECT_THROW(SpaceDistances({{other, grid}}, 1), std::invalid_argument);
   EXPECT_THROW(SpaceDistances({}, 1), std::invalid_argument);
+  const Eigen::AlignedBox3d beyond(Eigen::Vector3d(2, 2, 2), Eigen::Vector3d(3, 3, 3));
+  EXPECT_THROW(SpaceDistances({{none, grid}}, 1, {}, beyond), std::invalid_argument);
 }
 
 SeparationSettings Levels() {
