@@ -53,38 +53,50 @@ void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> sq
   for (size_t x = squares.size(); x-- > 0;) lower(x, apart);
 }
 
-// Rows along x, of `height` in each plane.
+// Rows along x, of `height` in each plane, and the least value of each.
 class Rows {
  public:
-  Rows(int width, int height, int depth, int16_t value)
+  Rows(int width, int height, int depth, int16_t most)
       : width_(static_cast<size_t>(width)),
         height_(static_cast<size_t>(height)),
-        values_(width_ * height_ * static_cast<size_t>(depth), value) {}
+        most_(most),
+        least_(height_ * static_cast<size_t>(depth), most),
+        values_(width_ * least_.size(), most) {}
 
-  std::span<int16_t> At(int y, int z) {
-    const size_t row = static_cast<size_t>(z) * height_ + static_cast<size_t>(y);
-    return std::span(values_).subspan(row * width_, width_);
+  void Set(int y, int z, std::span<const int16_t> values) {
+    std::ranges::copy(values, At(y, z).begin());
+    least_[Number(y, z)] = *std::ranges::min_element(values);
+  }
+  // How far away, in rows, others could be lowered by a row and the square between.
+  int Reach(int y, int z) const {
+    int reach = 0;
+    while (least_[Number(y, z)] + Between(reach) < most_) ++reach;
+    return reach;
+  }
+  // By a row of others, `apart` rows away.
+  void LowerBy(Rows& others, int other_y, int other_z, int y, int z, int apart) {
+    const int16_t between = Between(std::abs(apart));
+    Lower(At(y, z), others.At(other_y, other_z), between);
+    int16_t& least = least_[Number(y, z)];
+    least = std::min(
+        least, static_cast<int16_t>(others.least_[others.Number(other_y, other_z)] + between));
   }
   std::vector<int16_t> values() && { return std::move(values_); }
 
  private:
+  size_t Number(int y, int z) const {
+    return static_cast<size_t>(z) * height_ + static_cast<size_t>(y);
+  }
+  std::span<int16_t> At(int y, int z) {
+    return std::span(values_).subspan(Number(y, z) * width_, width_);
+  }
+
   size_t width_;
   size_t height_;
+  int16_t most_;
+  std::vector<int16_t> least_;
   std::vector<int16_t> values_;
 };
-
-// Lowers the rows 0 to `rows` of a line of rows by what is in `from`, which has place `at` in that
-// line, and the square between. `most` is that of far away.
-template <typename RowAt>
-void Spread(std::span<const int16_t> from, int16_t most, int at, int rows, RowAt row_at) {
-  const int16_t least = *std::ranges::min_element(from);
-  // So far, a row there could be lowered.
-  int reach = 0;
-  while (least + Between(reach) < most) ++reach;
-  for (int to = std::max(at - reach + 1, 0); to < std::min(at + reach, rows); ++to) {
-    Lower(row_at(to), from, Between(std::abs(to - at)));
-  }
-}
 
 }  // namespace
 
@@ -153,6 +165,8 @@ void SpaceDistances::FillMap(const VoxelSet& voxels) {
   const int reach = static_cast<int>(std::ceil(edges)) + 1;  // places apart that count
   const int16_t most = Between(reach);
   // Squares along x, of the rows of the whole grid.
+  const auto first_x = static_cast<size_t>(first_.x());
+  const auto width = static_cast<size_t>(size_.x());
   Rows along_x(size_.x(), grid_.size(1), grid_.size(2), most);
   std::vector<int16_t> whole_row(static_cast<size_t>(grid_.size(0)));
   for (int z = 0; z < grid_.size(2); ++z) {
@@ -161,22 +175,27 @@ void SpaceDistances::FillMap(const VoxelSet& voxels) {
       if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
       std::ranges::fill(whole_row, most);
       AlongRow(row, most, whole_row);
-      std::copy_n(whole_row.begin() + first_.x(), size_.x(), along_x.At(y, z).begin());
+      along_x.Set(y, z, std::span(whole_row).subspan(first_x, width));
     }
   }
   // Along y, then along z: rows near by, each with the square between.
+  const auto for_near = [](int at, int rows, int end, const auto& visit) {
+    for (int to = std::max(at - rows + 1, 0); to < std::min(at + rows, end); ++to) visit(to);
+  };
   Rows along_y(size_.x(), size_.y(), grid_.size(2), most);
   for (int z = 0; z < grid_.size(2); ++z) {
     for (int y = 0; y < grid_.size(1); ++y) {
-      Spread(along_x.At(y, z), most, y - first_.y(), size_.y(),
-             [&](int to) { return along_y.At(to, z); });
+      const int at = y - first_.y();
+      for_near(at, along_x.Reach(y, z), size_.y(),
+               [&](int to) { along_y.LowerBy(along_x, y, z, to, z, to - at); });
     }
   }
   Rows along_z(size_.x(), size_.y(), size_.z(), most);
   for (int z = 0; z < grid_.size(2); ++z) {
     for (int y = 0; y < size_.y(); ++y) {
-      Spread(along_y.At(y, z), most, z - first_.z(), size_.z(),
-             [&](int to) { return along_z.At(y, to); });
+      const int at = z - first_.z();
+      for_near(at, along_y.Reach(y, z), size_.z(),
+               [&](int to) { along_z.LowerBy(along_y, y, z, y, to, to - at); });
     }
   }
   squares_ = std::move(along_z).values();

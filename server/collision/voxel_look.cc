@@ -9,6 +9,8 @@
 #include <span>
 #include <utility>
 
+#include "db/mask/wider_vectors.h"
+
 namespace silhouette {
 
 namespace {
@@ -278,6 +280,18 @@ void Flip(uint8_t* bytes, size_t count, uint8_t bits) {
   for (size_t i = 0; i < count; ++i) bytes[i] ^= bits;
 }
 
+// into = into & from, word by word.
+SILHOUETTE_WIDER_VECTORS
+void And(std::span<uint64_t> into, std::span<const uint64_t> from) {
+  using Words [[gnu::vector_size(32), gnu::may_alias, gnu::aligned(8)]] = uint64_t;
+  constexpr size_t kAtOnce = sizeof(Words) / sizeof(uint64_t);
+  size_t i = 0;
+  for (; i + kAtOnce <= into.size(); i += kAtOnce) {
+    *reinterpret_cast<Words*>(&into[i]) &= *reinterpret_cast<const Words*>(&from[i]);
+  }
+  for (; i < into.size(); ++i) into[i] &= from[i];
+}
+
 // `row` moved so that place x holds what was at x + by; what comes in from outside is set.
 void AndMoved(std::span<const uint64_t> row, int by, int width, std::span<uint64_t> out) {
   const auto bits = [&](int place) {  // 64 bits from `place`, of whatever lies there
@@ -397,7 +411,7 @@ void LookTables::FillCertain(const VoxelSpace::Look& look, const Mask& foregroun
       const size_t moved = (height - above - below) * row_words;
       const uint64_t* from = of_run.data() + below * row_words;
       uint64_t* to = out + above * row_words;
-      for (size_t word = 0; word < moved; ++word) to[word] &= from[word];
+      And({to, moved}, {from, moved});
     }
   }
 }
