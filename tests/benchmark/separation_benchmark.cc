@@ -22,6 +22,8 @@ using Eigen::Vector3d;
 
 constexpr double kZoneEdge = 0.04;
 constexpr double kZoneRange = 2;  // metres
+// Where the robot can be.
+const Eigen::AlignedBox3d kReach(Vector3d(-1, -1, 0), Vector3d(1, 1, 1.6));
 
 const VoxelGrid& Zone() {
   static const VoxelGrid grid({Vector3d(-2, -2, 0), Vector3d(2, 2, 2.2)}, kZoneEdge);
@@ -63,7 +65,7 @@ std::shared_ptr<const DrawnRobot> Rx130() {
 void BM_SeparationScene(benchmark::State& state) {
   const VoxelSet somebody = Somebody();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(SpaceDistances({{somebody, Zone()}}, kZoneRange));
+    benchmark::DoNotOptimize(SpaceDistances({{somebody, Zone()}}, kZoneRange, {}, kReach));
   }
   state.counters["voxels"] = static_cast<double>(Zone().voxels());
 }
@@ -72,7 +74,7 @@ void BM_SeparationScene(benchmark::State& state) {
 void BM_SeparationPlace(benchmark::State& state) {
   const std::shared_ptr<const DrawnRobot> robot = Rx130();
   const VoxelSet somebody = Somebody();
-  const SpaceDistances space({{somebody, Zone()}}, kZoneRange);
+  const SpaceDistances space({{somebody, Zone()}}, kZoneRange, {}, kReach);
   SeparationMeter meter(*robot, space);
   std::mt19937_64 random(1);
   std::vector<Configuration> places(64);
