@@ -195,23 +195,32 @@ std::optional<Vector2d> VoxelLooker::BallAxes(const VoxelSpace::Block& block) co
   return axes;
 }
 
-uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, const Vector2d& axes) {
+VoxelLooker::BallShapes* VoxelLooker::BallsOf(const VoxelSpace::Block& block) {
+  const std::optional<Vector2d> axes = BallAxes(block);
+  if (!axes) return nullptr;
+  const int steps = StepsPerPixel(axes->maxCoeff());
+  const Eigen::Vector2i radii = (*axes * steps).array().floor().matrix().cast<int>();
+  if (radii.minCoeff() == 0) return nullptr;
+  const std::array key{steps, radii.x(), radii.y()};
+  return &ball_shapes_.try_emplace(key, BallShapes{steps, radii}).first->second;
+}
+
+uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, BallShapes& balls) {
   const MaskSize size = view_.mask_size;
   const Vector2d anchor = centres.center().array().round();
   if (!(anchor.x() >= 0 && anchor.y() >= 0 && anchor.x() < size.width &&
         anchor.y() < size.height)) {
     return 0;
   }
-  const int steps = StepsPerPixel(axes.maxCoeff());
+  const double steps = balls.steps;
   const Eigen::Vector2i from =
       ((centres.min() - anchor) * steps).array().floor().matrix().cast<int>();
   const Eigen::Vector2i to = ((centres.max() - anchor) * steps).array().ceil().matrix().cast<int>();
-  const Eigen::Vector2i radii = (axes * steps).array().floor().matrix().cast<int>();
-  const auto [known, added] = quantised_.emplace(
-      std::array{from.x(), from.y(), to.x(), to.y(), radii.x() * 64 + steps, radii.y()}, 0);
-  if (added && radii.minCoeff() > 0) {
+  const auto [known, added] =
+      balls.by_centres.try_emplace(std::array{from.x(), from.y(), to.x(), to.y()}, 0);
+  if (added) {
     const PixelShape shape = SurelyTouched({from.cast<double>() / steps, to.cast<double>() / steps},
-                                           radii.cast<double>() / steps);
+                                           balls.radii.cast<double>() / steps);
     const auto [place, is_new] = shapes_.emplace(shape, static_cast<uint32_t>(shapes_.size()));
     if (is_new) look_.shapes.push_back(shape);
     known->second = place->second;
@@ -228,7 +237,7 @@ PixelRectangle VoxelLooker::BlockRectangle(const VoxelSpace::Block& block) {
 
 void VoxelLooker::Append(const VoxelSpace::Block& block) {
   ProjectCorners(block);
-  const std::optional<Vector2d> axes = BallAxes(block);
+  BallShapes* const balls = BallsOf(block);
   bool whole = true;
   int left = MaskSize::kMaxSide;
   int top = MaskSize::kMaxSide;
@@ -240,7 +249,7 @@ void VoxelLooker::Append(const VoxelSpace::Block& block) {
         const std::optional<PlaneBox> image = Image(x, y, z, 1);
         const PixelRectangle pixels = Pixels(image);
         look_.touched.push_back(TouchedIndex(pixels));
-        look_.certain.push_back(image && axes ? CertainIndex(*image, *axes) : 0);
+        look_.certain.push_back(image && balls != nullptr ? CertainIndex(*image, *balls) : 0);
         whole = whole && pixels.whole;
         if (pixels.width == 0) continue;
         left = std::min(left, pixels.x);

@@ -36,11 +36,19 @@ class VoxelLooker {
  private:
   static constexpr int kCorners = VoxelGrid::kBlockEdge + 1;
   struct Hash {
-    size_t operator()(const std::array<int, 6>& key) const {
+    size_t operator()(const std::array<int, 4>& key) const {
       uint64_t hash = 0;
       for (int value : key) hash = (hash ^ static_cast<uint32_t>(value)) * 0x9e3779b97f4a7c15;
       return hash ^ hash >> 32;
     }
+  };
+  // Shapes that the images of balls surely touch whose semi-axes are these, or more. Those of all
+  // voxels of a block are the same, so that only a few shapes are looked up at a time.
+  struct BallShapes {
+    int steps = 0;                                    // per pixel
+    Eigen::Vector2i radii = Eigen::Vector2i::Zero();  // semi-axes, in steps
+    // By the box of the balls' centres, from the pixel that shapes are relative to, in steps.
+    std::unordered_map<std::array<int, 4>, uint32_t, Hash> by_centres{};
   };
 
   void ProjectCorners(const VoxelSpace::Block& block);
@@ -54,7 +62,9 @@ class VoxelLooker {
   // Semi-axes of an ellipse that the image of a ball with its centre in the block surely fills,
   // about the image of its centre; nothing if it is not sure to fill anything.
   std::optional<Eigen::Vector2d> BallAxes(const VoxelSpace::Block& block) const;
-  uint32_t CertainIndex(const PlaneBox& centres, const Eigen::Vector2d& axes);
+  // Null if there is none.
+  BallShapes* BallsOf(const VoxelSpace::Block& block);
+  uint32_t CertainIndex(const PlaneBox& centres, BallShapes& balls);
 
   const VoxelView& view_;
   const VoxelGrid& grid_;
@@ -64,7 +74,7 @@ class VoxelLooker {
   std::vector<std::optional<Eigen::Vector2d>> corners_;
   double bulge_ = 0;  // pixels by which a voxel's image may exceed its corners'
   std::map<VoxelSpace::RectangleKind, uint32_t> kinds_;
-  std::unordered_map<std::array<int, 6>, uint32_t, Hash> quantised_;
+  std::map<std::array<int, 3>, BallShapes> ball_shapes_;  // by steps and radii
   std::map<PixelShape, uint32_t> shapes_;
 };
 
