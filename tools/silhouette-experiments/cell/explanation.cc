@@ -66,8 +66,8 @@ int PixelOf(double coordinate) { return static_cast<int>(std::floor(coordinate +
 
 std::string NameOf(Cause cause) {
   static const std::array<const char*, kCauses> names = {
-      "hidden", "occluded",    "contrast",  "rim",  "robot_cell",
-      "shadow", "robot_image", "test_cell", "size", "unexplained"};
+      "hidden", "occluded",    "contrast",  "rim",  "robot_cell", "shadow",
+      "grown",  "robot_image", "test_cell", "size", "unexplained"};
   return names[static_cast<size_t>(cause)];
 }
 
@@ -134,7 +134,8 @@ Cause Explainer::CoverOf(const ViewedScene& viewed, size_t view, const Eigen::Ve
     at_corner = at_corner || RobotInPixel(view, pixel);
   }
   robot_.Place(setting_.workplace.LinkPoses(viewed.truth.robot));
-  return at_corner ? Cause::kRobotCell : Cause::kShadow;
+  if (at_corner) return Cause::kRobotCell;
+  return setting_.database.robot_images().drawn() != nullptr ? Cause::kGrown : Cause::kShadow;
 }
 
 Place Explainer::At(const ViewedScene& viewed, const std::vector<Mask>& test_images,
@@ -288,6 +289,9 @@ std::string Explainer::Sentence(const ViewedScene& viewed, const CauseFound& fou
     case Cause::kShadow:
       return absl::StrCat("Background subtraction: where ", where, ", the robot's image in ", view,
                           " is its shadow.");
+    case Cause::kGrown:
+      return absl::StrCat("Drawn image: where ", where, ", the robot's image in ", view,
+                          " is larger than the robot, by tolerance, link growth and margin.");
     case Cause::kRobotImage:
       return absl::StrCat("Robot image: in ", view, " it lacks the pixel where ", where, ".");
     case Cause::kTestCell:

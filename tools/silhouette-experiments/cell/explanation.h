@@ -38,12 +38,13 @@ enum class Cause : uint8_t {
   kRim,         // discretisation: a mask pixel that the robot covers in part
   kRobotCell,   // discretisation: the robot stands between grid points, its image is a union
   kShadow,      // background subtraction: the robot's image has its shadow
+  kGrown,       // the robot's drawn image is larger than the robot: tolerance, growth, margin
   kRobotImage,  // the robot image of the test configuration lacks the place
   kTestCell,    // discretisation: the images of the grid cell's corners lack the place
   kSize,        // sound presets: the obstacle has no room for the least obstacle there
   kUnexplained,
 };
-inline constexpr size_t kCauses = 10;
+inline constexpr size_t kCauses = 11;
 
 // "hidden", "contrast", ...
 std::string NameOf(Cause cause);

@@ -60,7 +60,7 @@ TEST(Cause, PlaceWithTheFewestFaultsIsTheOneThatSpeaks) {
 }
 
 TEST(Cause, CoverWithoutTheRobotIsToldAsWhatItIs) {
-  for (const Cause cover : {Cause::kRim, Cause::kRobotCell, Cause::kShadow}) {
+  for (const Cause cover : {Cause::kRim, Cause::kRobotCell, Cause::kShadow, Cause::kGrown}) {
     EXPECT_EQ(CauseOf({{CoveredFor(cover), kBehindRobot}}, kCalibrated), cover);
   }
 }
