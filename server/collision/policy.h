@@ -56,7 +56,7 @@ int DefaultOccludedViews(int views);
 int MinViews(const Policy& policy, int views);
 
 // Sound presets and separation: what all but this many of the views see as an obstacle stays,
-// however small it is (possible_space.h). At least what the other presets permit with the same
+// however small it is (possible_voxels.h). At least what the other presets permit with the same
 // numbers. Throws as MinViews does.
 int MaxOccludedViews(const Policy& policy, int views);
 

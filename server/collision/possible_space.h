@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where an obstacle could be, seen or not: the sound test (docs/verdict-quality.md).
 //
-// Every obstacle is a union of balls of radius rho, the least obstacle. A ball can be only where
-//   * in every view, all pixels that it touches are something other than background;
-//   * it does not reach into the robot's own body at the robot's present configuration.
-// What such balls cover is the possible space, opened by the ball: the thin shell between the robot
-// and what its silhouettes enclose holds no ball and vanishes; what is left can hold an obstacle. A
-// possible voxel that an image shows as obstacle stays, however small what is there, unless more
-// than max_occluded_views of the images that show it have unknown or error pixels alone there: what
-// most views see plainly is never opened away.
-//
-// What is left falls into parts, and where the robot meets an obstacle there is a point of one of
-// them. It remains in two forms. As planes per part and view, which do not depend on the test
-// configuration: the robot may meet the part if the planes meet its robot images in all views. And
-// as voxels: then one and the same voxel must meet the robot image in every view, and the robot's
-// body where that is known.
+// What may hold an obstacle (possible_voxels.h) falls into parts, and where the robot meets an
+// obstacle there is a point of one of them. It remains in two forms. As planes per part and view,
+// which do not depend on the test configuration: the robot may meet the part if the planes meet its
+// robot images in all views. And as voxels: then one and the same voxel must meet the robot image
+// in every view, and the robot's body where that is known.
 #pragma once
 
 #include <functional>
@@ -24,39 +15,17 @@
 
 #include "db/mask/mask.h"
 #include "server/collision/collision_images.h"
+#include "server/collision/possible_voxels.h"
 #include "server/collision/voxel_grid.h"
 #include "server/collision/voxel_space.h"
 
 namespace silhouette {
 
-// The signed distance, metres, of a point from the robot's own body at its present configuration,
-// negative inside; or more: then the body counts for less. It changes by no more than the way
-// between two points. Empty: nothing is known of the body.
-using BodyDistance = std::function<double(const Eigen::Vector3d&)>;
-
-// What may hold an obstacle, in voxels.
-struct PossibleVoxels {
-  // The arguments and errors are those of PossibleSpace.
-  PossibleVoxels(const VoxelSpace& space, const ObstacleImages& images, const BodyDistance& body,
-                 std::span<const std::optional<Mask>> allowed, int max_occluded_views);
-
-  // All of it, where the robot may be met.
-  VoxelSet remaining;
-  // Of these, what stays however small the obstacle.
-  VoxelSet plain;
-  // Where balls of the least obstacle may have their centres.
-  VoxelSet centres;
-};
-
 // Refers to the voxel space, which must outlive it. Cannot be changed once made; used by any number
 // of threads.
 class PossibleSpace {
  public:
-  // `images`: one, or nothing, per view of the space, of its mask size. A view without an image
-  // says nothing. `allowed`: empty, or per view the pixels in which an obstacle is allowed, if any;
-  // a voxel is taken away if in every view that sees it all pixels other than background that it
-  // touches are allowed. `max_occluded_views`: MaxOccludedViews of the policy. Throws
-  // std::invalid_argument if something has not the right size, or it is negative.
+  // The arguments and errors are those of PossibleVoxels.
   PossibleSpace(const VoxelSpace& space, const ObstacleImages& images, const BodyDistance& body,
                 std::span<const std::optional<Mask>> allowed = {}, int max_occluded_views = 1);
 
