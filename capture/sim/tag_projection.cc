@@ -49,18 +49,6 @@ std::optional<std::vector<Eigen::Vector2d>> ProjectTag(const CameraModel& camera
   return pixels;
 }
 
-// A pose of the board with its middle at `middle`, its front in the direction `normal`, turned
-// about it by `turn`.
-Eigen::Isometry3d HeldAt(const Board& board, const Eigen::Vector3d& middle,
-                         const Eigen::Vector3d& normal, double turn) {
-  Eigen::Isometry3d world_from_board = Eigen::Isometry3d::Identity();
-  world_from_board.linear() =
-      Eigen::Quaterniond::FromTwoVectors(-Eigen::Vector3d::UnitZ(), normal).toRotationMatrix() *
-      Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  world_from_board.translation() = middle - world_from_board.linear() * MiddleOf(board);
-  return world_from_board;
-}
-
 Eigen::Isometry3d DrawPose(std::span<const NamedCamera> cameras, const Board& board,
                            const BoardPlaces& places, Chance& chance) {
   Eigen::Vector3d middle;
@@ -78,6 +66,16 @@ Eigen::Isometry3d DrawPose(std::span<const NamedCamera> cameras, const Board& bo
 }
 
 }  // namespace
+
+Eigen::Isometry3d HeldAt(const Board& board, const Eigen::Vector3d& middle,
+                         const Eigen::Vector3d& normal, double turn) {
+  Eigen::Isometry3d world_from_board = Eigen::Isometry3d::Identity();
+  world_from_board.linear() =
+      Eigen::Quaterniond::FromTwoVectors(-Eigen::Vector3d::UnitZ(), normal).toRotationMatrix() *
+      Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  world_from_board.translation() = middle - world_from_board.linear() * MiddleOf(board);
+  return world_from_board;
+}
 
 Eigen::Vector3d MiddleOf(const Board& board) {
   return {board.extent().x() / 2, board.extent().y() / 2, 0};

@@ -55,6 +55,11 @@ BoardFrames DrawBoardFrames(std::span<const NamedCamera> cameras, const Board& b
                             const BoardPlaces& places, size_t frames,
                             const TagProjectionSettings& settings, uint64_t seed);
 
+// A pose of the board with its middle at `middle`, its front in the direction `normal`, turned
+// about it by `turn` radians.
+Eigen::Isometry3d HeldAt(const Board& board, const Eigen::Vector3d& middle,
+                         const Eigen::Vector3d& normal, double turn);
+
 // The middle of a board in its own frame.
 Eigen::Vector3d MiddleOf(const Board& board);
 

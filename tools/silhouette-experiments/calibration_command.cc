@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments calibration
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -11,6 +12,7 @@
 #include "tools/program/progress.h"
 #include "tools/silhouette-experiments/calibration/error_lines.h"
 #include "tools/silhouette-experiments/calibration/model_errors.h"
+#include "tools/silhouette-experiments/calibration/rendered_boards.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 #include "tools/silhouette-experiments/commands.h"
 
@@ -19,6 +21,10 @@ namespace {
 
 using calibration_experiment::Bar;
 using calibration_experiment::Bars;
+using calibration_experiment::BoardLine;
+using calibration_experiment::BoardLines;
+using calibration_experiment::BoardResult;
+using calibration_experiment::CornerCount;
 using calibration_experiment::ErrorLine;
 using calibration_experiment::ErrorLines;
 using calibration_experiment::Figures;
@@ -32,6 +38,8 @@ struct CalibrationArguments {
   int runs = 5;
   uint64_t seed = 1;
   bool model_errors = false;
+  bool rendered = false;
+  int images = 40;
   std::string format = "text";
 };
 
@@ -191,10 +199,87 @@ nlohmann::ordered_json ErrorJsonOf(const ErrorTable& table) {
   return json;
 }
 
+// By BoardLines().
+absl::StatusOr<std::vector<BoardResult>> MeasureBoards(const CalibrationArguments& arguments) {
+  CatchStopSignals();
+  std::vector<BoardResult> results(BoardLines().size());
+  const auto runs = static_cast<uint64_t>(arguments.runs);
+  uint64_t done = 0;
+  Progress progress("calibrating", runs * results.size(), "sessions");
+  for (uint64_t seed = arguments.seed; seed < arguments.seed + runs; ++seed) {
+    for (size_t i = 0; i < results.size(); ++i) {
+      if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
+      RETURN_IF_ERROR(MeasureBoardLine(BoardLines()[i], arguments.images, seed, results[i]));
+      progress.Update(++done);
+    }
+  }
+  return results;
+}
+
+std::string CornersText(const CornerCount& corners) {
+  if (corners.visible() == 0) return absl::StrFormat("%28s", "");
+  return absl::StrFormat("%6.1f %% %5d %6.4f %6.4f", 100 * corners.ShareFound(),
+                         corners.false_corners(), corners.Rms(), corners.Percentile(95));
+}
+
+std::string LensText(const LineResult& lens) {
+  if (lens.error.count() == 0) return absl::StrCat("  refused: ", lens.refusal);
+  const std::string others =
+      lens.others.count() > 0 ? absl::StrFormat("%8.4f", lens.others.Result()) : "";
+  return absl::StrFormat("%8.4f %8s %5.2f", lens.error.Result(), others,
+                         lens.predicted.PerFreedom()) +
+         (lens.refused > 0 ? absl::StrFormat("  (refused in %d runs)", lens.refused) : "");
+}
+
+std::string BoardsTextOf(const std::vector<BoardResult>& results) {
+  std::string text = absl::StrFormat(
+      "%-10s %-36s %6s  %-28s  %s\n%-10s %8s %5s %6s %6s %6s %6s  %8s %5s %6s %6s  %8s %8s %5s\n",
+      "", "corners", "", "OpenCV's corners", "lens, px", "board", "found", "false", "rms", "median",
+      "95 %", "stated", "found", "false", "rms", "95 %", "own", "OpenCV", "chi2");
+  for (size_t i = 0; i < results.size(); ++i) {
+    const BoardResult& result = results[i];
+    absl::StrAppendFormat(&text, "%-10s %6.1f %% %5d %6.4f %6.4f %6.4f %6.2f  %s  %s\n",
+                          BoardLines()[i].name, 100 * result.corners.ShareFound(),
+                          result.corners.false_corners(), result.corners.Rms(),
+                          result.corners.Percentile(50), result.corners.Percentile(95),
+                          std::sqrt(result.stated.PerFreedom()), CornersText(result.of_opencv),
+                          LensText(result.lens));
+  }
+  absl::StrAppend(&text, "\n");
+  for (const BoardLine& line : BoardLines()) {
+    absl::StrAppendFormat(&text, "%-10s %s\n", line.name, line.meaning);
+  }
+  return text;
+}
+
+nlohmann::ordered_json JsonOf(const CornerCount& corners) {
+  return {{"visible", corners.visible()},        {"found", corners.found()},
+          {"false", corners.false_corners()},    {"rms_px", corners.Rms()},
+          {"median_px", corners.Percentile(50)}, {"percentile_95_px", corners.Percentile(95)}};
+}
+
+nlohmann::ordered_json BoardsJsonOf(const std::vector<BoardResult>& results) {
+  nlohmann::ordered_json json;
+  for (size_t i = 0; i < results.size(); ++i) {
+    const BoardResult& result = results[i];
+    nlohmann::ordered_json& line = json[BoardLines()[i].name];
+    line = {{"meaning", BoardLines()[i].meaning}, {"corners", JsonOf(result.corners)}};
+    line["corners"]["rms_per_stated"] = std::sqrt(result.stated.PerFreedom());
+    if (result.of_opencv.visible() > 0) line["opencv_corners"] = JsonOf(result.of_opencv);
+    line["lens_px"] = JsonOf(result.lens);
+  }
+  return json;
+}
+
 absl::StatusOr<ExitCode> RunCalibration(const CalibrationArguments& arguments) {
   if (arguments.model_errors) {
     ASSIGN_OR_RETURN(const auto table, MeasureErrorTable(arguments));
     PrintResult(arguments.format, ErrorJsonOf(table), ErrorTextOf(table));
+    return kDone;
+  }
+  if (arguments.rendered) {
+    ASSIGN_OR_RETURN(const auto results, MeasureBoards(arguments));
+    PrintResult(arguments.format, BoardsJsonOf(results), BoardsTextOf(results));
     return kDone;
   }
   ASSIGN_OR_RETURN(const auto runs, MeasureAll(arguments));
@@ -215,15 +300,27 @@ void AddCalibrationCommand(CLI::App& program, Run& run) {
       ->capture_default_str();
   command->add_option("--seed", arguments->seed, "Of the first run; the next one's is one more")
       ->capture_default_str();
-  command->add_flag("--model-errors", arguments->model_errors,
-                    "Instead: sessions that are not as the models say (print, lens, time, blur, "
-                    "robot), beside mrcal-calibrate-cameras and cv::calibrateHandEye");
+  CLI::Option* model_errors =
+      command->add_flag("--model-errors", arguments->model_errors,
+                        "Instead: sessions that are not as the models say (print, lens, time, "
+                        "blur, robot), beside mrcal-calibrate-cameras and cv::calibrateHandEye");
+  CLI::Option* rendered =
+      command
+          ->add_flag("--rendered", arguments->rendered,
+                     "Instead: rendered images of a board of each kind that is shown to a camera; "
+                     "corners and lens beside OpenCV's")
+          ->excludes(model_errors);
+  command->add_option("--images", arguments->images, "Of a session of --rendered")
+      ->check(CLI::Range(6, 10000))
+      ->needs(rendered)
+      ->capture_default_str();
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Median and worst of all runs, beside what is asked of the worst.\n\n"
       "Example:\n"
       "  silhouette-experiments calibration --runs 10 --format json\n"
-      "  silhouette-experiments calibration --model-errors --runs 6");
+      "  silhouette-experiments calibration --model-errors --runs 6\n"
+      "  silhouette-experiments calibration --rendered --runs 3");
   RunWhenChosen(*command, run, arguments, RunCalibration);
 }
 

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <filesystem>
 #include <map>
+#include <opencv2/aruco.hpp>
+#include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 
@@ -13,6 +15,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_split.h"
+#include "calib/boards/charuco.h"
+#include "calib/boards/tag_family.h"
 #include "calib/boards/vnl_file.h"
 #include "calib/files/camera_file.h"
 #include "common/picture/files.h"
@@ -162,6 +166,98 @@ absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedC
   RETURN_IF_ERROR(
       WriteWholeFile((std::filesystem::path(pattern) / "corners.vnl").string(), corners));
   return RunMrcal(pattern, truth, board.lattice().value());
+}
+
+namespace {
+
+std::vector<Eigen::Vector2d> VectorsOf(std::span<const cv::Point2f> points) {
+  std::vector<Eigen::Vector2d> vectors;
+  for (const cv::Point2f& point : points) vectors.emplace_back(point.x, point.y);
+  return vectors;
+}
+
+std::vector<Eigen::Vector2d> CharucoByOpenCv(const BoardDescription& d, const cv::Mat& image) {
+  const auto board = cv::aruco::CharucoBoard::create(
+      d.columns, d.rows, static_cast<float>(d.square), static_cast<float>(d.tag_size),
+      ArucoDictionary(d.dictionary));
+  std::vector<int> ids;
+  std::vector<std::vector<cv::Point2f>> markers;
+  cv::aruco::detectMarkers(image, board->dictionary, markers, ids);
+  std::vector<cv::Point2f> corners;
+  std::vector<int> corner_ids;
+  if (!ids.empty()) {
+    cv::aruco::interpolateCornersCharuco(markers, ids, image, board, corners, corner_ids);
+  }
+  return VectorsOf(corners);
+}
+
+std::optional<std::vector<Eigen::Vector2d>> TagsByOpenCv(const std::string& family,
+                                                         const cv::Mat& image) {
+  const auto parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
+  cv::Ptr<cv::aruco::Dictionary> dictionary;
+  if (family == kKalibrFamily) {
+    dictionary = ArucoDictionary("DICT_APRILTAG_36h11");
+    parameters->markerBorderBits = 2;
+  } else if (TagFamily(family).is_dictionary()) {
+    dictionary = ArucoDictionary(family);
+  } else {
+    return std::nullopt;
+  }
+  std::vector<int> ids;
+  std::vector<std::vector<cv::Point2f>> markers;
+  cv::aruco::detectMarkers(image, dictionary, markers, ids, parameters);
+  std::vector<Eigen::Vector2d> corners;
+  for (const std::vector<cv::Point2f>& marker : markers) {
+    const auto of_marker = VectorsOf(marker);
+    corners.insert(corners.end(), of_marker.begin(), of_marker.end());
+  }
+  return corners;
+}
+
+}  // namespace
+
+std::optional<std::vector<Eigen::Vector2d>> CornersByOpenCv(const Board& board,
+                                                            const cv::Mat& image) {
+  const BoardDescription& d = board.description();
+  if (d.kind == BoardKind::kTags) return TagsByOpenCv(d.family, image);
+  if (d.kind == BoardKind::kCharuco) return CharucoByOpenCv(d, image);
+  std::vector<cv::Point2f> corners;
+  const bool found = cv::findChessboardCornersSB(
+      image, {d.columns, d.rows}, corners,
+      cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY);
+  return found ? VectorsOf(corners) : std::vector<Eigen::Vector2d>();
+}
+
+absl::StatusOr<CameraModel> LensByOpenCv(int width, int height,
+                                         std::span<const SeenCorners> images) {
+  constexpr size_t kLeastCorners = 8;
+  std::vector<std::vector<cv::Point3f>> on_board;
+  std::vector<std::vector<cv::Point2f>> pixels;
+  for (const SeenCorners& image : images) {
+    if (image.pixels.size() < kLeastCorners) continue;
+    on_board.emplace_back();
+    pixels.emplace_back();
+    for (size_t i = 0; i < image.pixels.size(); ++i) {
+      on_board.back().emplace_back(image.on_board[i].x(), image.on_board[i].y(), 0);
+      pixels.back().emplace_back(image.pixels[i].x(), image.pixels[i].y());
+    }
+  }
+  cv::Matx33d camera = cv::Matx33d::eye();
+  cv::Mat distortion;
+  try {
+    cv::calibrateCamera(on_board, pixels, {width, height}, camera, distortion, cv::noArray(),
+                        cv::noArray(), cv::CALIB_RATIONAL_MODEL);
+  } catch (const cv::Exception& error) {
+    return absl::InternalError(absl::StrCat("cv::calibrateCamera failed: ", error.what()));
+  }
+  CameraIntrinsics lens{.width = width, .height = height, .fx = camera(0, 0), .fy = camera(1, 1)};
+  lens.cx = camera(0, 2);
+  lens.cy = camera(1, 2);
+  for (size_t i = 0; i < lens.distortion.size(); ++i) {
+    lens.distortion[i] = distortion.at<double>(static_cast<int>(i));
+  }
+  return CameraModel(lens);
 }
 
 std::vector<std::vector<Eigen::Isometry3d>> CalibrateByOpenCv(const PoseProblem& problem) {

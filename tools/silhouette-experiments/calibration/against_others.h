@@ -2,7 +2,10 @@
 // What other programs and libraries find from the same sightings.
 #pragma once
 
+#include <opencv2/core/mat.hpp>
+#include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -21,6 +24,23 @@ namespace silhouette::calibration_experiment {
 absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedCamera> truth,
                                                           const Board& board,
                                                           std::span<const TagSighting> sightings);
+
+// The corners that OpenCV finds of the board in an image (CV_8UC1), pixels, in no order: those of
+// findChessboardCornersSB, interpolateCornersCharuco or, of tags, detectMarkers with
+// CORNER_REFINE_SUBPIX. Nothing: it cannot read the board's tags.
+std::optional<std::vector<Eigen::Vector2d>> CornersByOpenCv(const Board& board,
+                                                            const cv::Mat& image);
+
+// Corners of a board, and where they are seen in one image.
+struct SeenCorners {
+  std::vector<Eigen::Vector3d> on_board;
+  std::vector<Eigen::Vector2d> pixels;
+};
+
+// By cv::calibrateCamera with its rational model, which is LENSMODEL_OPENCV8, from images that show
+// at least eight corners. Internal: it failed.
+absl::StatusOr<CameraModel> LensByOpenCv(int width, int height,
+                                         std::span<const SeenCorners> images);
 
 // By each of the five methods of cv::calibrateHandEye, camera_from_base of every view from the
 // problem's only board, which is on the flange. A method without a finite result is left out.

@@ -11,111 +11,13 @@
 #include "calib/intrinsics/solve_lenses.h"
 #include "calib/poses/pose_calibration.h"
 #include "tools/silhouette-experiments/calibration/against_others.h"
+#include "tools/silhouette-experiments/calibration/lens_errors.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 
 namespace silhouette::calibration_experiment {
 namespace {
 
 constexpr double kLensCornerNoise = 0.1;  // pixels per axis
-
-// The workspace as cameras see it in truth.
-struct SeenPoint {
-  size_t camera = 0;
-  Eigen::Vector3d point;
-  Eigen::Vector2d pixel;
-};
-
-std::vector<SeenPoint> SeenPoints(const Rig& rig, const ModelErrors& errors) {
-  std::vector<SeenPoint> points;
-  for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const CameraModel& camera = rig.cameras[c].model;
-    for (const Eigen::Vector3d& point : PointsOfWorkspace(rig)) {
-      const auto pixel = SeenAt(camera, errors, point);
-      if (pixel && camera.Contains(*pixel)) points.push_back({c, point, *pixel});
-    }
-  }
-  return points;
-}
-
-// What images alone do not determine: where the reference is, and how large all is.
-struct Similarity {
-  Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
-  double scale = 1;
-
-  Eigen::Vector3d operator*(const Eigen::Vector3d& point) const { return motion * (scale * point); }
-  // Rotation vector, translation, share of the scale.
-  Similarity Changed(const Eigen::Matrix<double, 7, 1>& by) const {
-    Similarity changed = *this;
-    const Eigen::Vector3d turn = by.head<3>();
-    changed.motion.translation() += by.segment<3>(3);
-    changed.motion.rotate(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
-    changed.scale *= 1 + by[6];
-    return changed;
-  }
-};
-
-// The errors of all pixels, one after the other. A point that a camera does not see counts as off
-// by the image's width.
-Eigen::VectorXd PixelErrors(const std::vector<SeenPoint>& points,
-                            const std::vector<CameraModel>& cameras,
-                            const Similarity& reference_from_world) {
-  Eigen::VectorXd errors(2 * std::ssize(points));
-  for (size_t i = 0; i < points.size(); ++i) {
-    const CameraModel& camera = cameras[points[i].camera];
-    const auto pixel = camera.Project(reference_from_world * points[i].point);
-    errors.segment<2>(static_cast<Eigen::Index>(2 * i)) =
-        pixel ? *pixel - points[i].pixel : Eigen::Vector2d(camera.intrinsics().width, 0);
-  }
-  return errors;
-}
-
-struct Aligned {
-  Similarity reference_from_world;
-  Eigen::VectorXd errors;       // of the pixels
-  Eigen::MatrixXd derivatives;  // of the pixels by the similarity
-};
-
-// With the similarity that makes the errors as small as can be.
-Aligned Align(const std::vector<SeenPoint>& points, const std::vector<CameraModel>& cameras,
-              const Rig& rig) {
-  constexpr int kSteps = 10;
-  constexpr double kDelta = 1e-6;
-  Aligned aligned;
-  Similarity& similarity = aligned.reference_from_world;
-  similarity.motion =
-      cameras[0].camera_from_world().inverse() * rig.cameras[0].model.camera_from_world();
-  aligned.derivatives.resize(2 * std::ssize(points), 7);
-  for (int step = 0; step < kSteps; ++step) {
-    for (Eigen::Index i = 0; i < 7; ++i) {
-      const Eigen::Matrix<double, 7, 1> by = kDelta * Eigen::Matrix<double, 7, 1>::Unit(i);
-      aligned.derivatives.col(i) = (PixelErrors(points, cameras, similarity.Changed(by)) -
-                                    PixelErrors(points, cameras, similarity.Changed(-by))) /
-                                   (2 * kDelta);
-    }
-    similarity = similarity.Changed(
-        -aligned.derivatives.householderQr().solve(PixelErrors(points, cameras, similarity)));
-  }
-  aligned.errors = PixelErrors(points, cameras, similarity);
-  return aligned;
-}
-
-// The errors against the solution's covariance, both without what the similarity takes up.
-ChiSquared Predicted(const std::vector<SeenPoint>& points, const LensSolution& solution,
-                     const Aligned& aligned) {
-  const Eigen::MatrixXd& covariance = solution.groups[0].covariance.covariance;
-  Eigen::MatrixXd derivatives = Eigen::MatrixXd::Zero(aligned.errors.size(), covariance.cols());
-  for (size_t i = 0; i < points.size(); ++i) {
-    const auto derivative = ProjectionDerivative(solution, points[i].camera,
-                                                 aligned.reference_from_world * points[i].point);
-    if (derivative) derivatives.middleRows<2>(static_cast<Eigen::Index>(2 * i)) = *derivative;
-  }
-  derivatives -= aligned.derivatives * aligned.derivatives.householderQr().solve(derivatives);
-  JointErrors joint;
-  for (Eigen::Index i = 0; i < aligned.errors.size(); i += 2) {
-    joint.Add(derivatives.middleRows<2>(i), aligned.errors.segment<2>(i));
-  }
-  return joint.Against(covariance);
-}
 
 // Without images that show fewer tags.
 std::vector<TagSighting> Plain(size_t least_tags, const std::vector<TagSighting>& sightings) {
@@ -126,22 +28,6 @@ std::vector<TagSighting> Plain(size_t least_tags, const std::vector<TagSighting>
     if (seen.at({sighting.frame, sighting.view}) >= least_tags) plain.push_back(sighting);
   }
   return plain;
-}
-
-// Adds a run's errors, and those of others if they have any.
-void AddRun(const RootMeanSquare& own, const RootMeanSquare& others, LineResult& result) {
-  result.error.Add(own);
-  if (others.count() == 0) return;
-  result.comparable.Add(own);
-  result.others.Add(others);
-}
-
-// Whether a solver's status is a refusal, which is then noted.
-bool IsRefusal(const absl::Status& status, LineResult& result) {
-  if (status.code() != absl::StatusCode::kFailedPrecondition) return false;
-  ++result.refused;
-  result.refusal = std::string(status.message());
-  return true;
 }
 
 // Of workspace points as cameras in these poses see them, metres.
@@ -175,6 +61,20 @@ Board FlangeBoard() {
 }
 
 }  // namespace
+
+void AddRun(const RootMeanSquare& own, const RootMeanSquare& others, LineResult& result) {
+  result.error.Add(own);
+  if (others.count() == 0) return;
+  result.comparable.Add(own);
+  result.others.Add(others);
+}
+
+bool IsRefusal(const absl::Status& status, LineResult& result) {
+  if (status.code() != absl::StatusCode::kFailedPrecondition) return false;
+  ++result.refused;
+  result.refusal = std::string(status.message());
+  return true;
+}
 
 absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
                              LineResult& result) {

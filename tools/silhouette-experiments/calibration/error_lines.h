@@ -26,6 +26,12 @@ struct LineResult {
   int refused = 0;
 };
 
+// Adds a run's errors, and those of others if they have any.
+void AddRun(const RootMeanSquare& own, const RootMeanSquare& others, LineResult& result);
+
+// Whether a solver's status is a refusal, which is then noted.
+bool IsRefusal(const absl::Status& status, LineResult& result);
+
 // `others`: whether mrcal-calibrate-cameras is to be run as well. NotFound: there is none.
 // Internal: a solver failed.
 absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others, LineResult& result);

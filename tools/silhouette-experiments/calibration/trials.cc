@@ -13,64 +13,13 @@
 #include "calib/files/calibration_message.h"
 #include "calib/files/camera_file.h"
 #include "calib/poses/pose_calibration.h"
-#include "capture/sim/image_sensor.h"
-#include "capture/sim/renderer.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-experiments/calibration/model_errors.h"
+#include "tools/silhouette-experiments/calibration/photographer.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 
 namespace silhouette::calibration_experiment {
 namespace {
-
-// Of the sensor, grey levels and pixels.
-constexpr double kNoise = 2;
-constexpr double kBlur = 0.6;
-
-SimulationSettings SettingsOf(const NamedCamera& camera, const Board& board, uint64_t seed) {
-  SimulationSettings settings;
-  settings.cameras = {{camera.view, camera.model}};
-  settings.boards = {{.board = board, .margin = 0.02}};
-  settings.noise_sigma = kNoise;
-  settings.blur = kBlur;
-  settings.seed = seed;
-  return settings;
-}
-
-// Images of a board by a camera of the simulated cell, without a robot.
-class Photographer {
- public:
-  Photographer(const NamedCamera& camera, const Board& board, uint64_t seed)
-      : settings_(SettingsOf(camera, board, seed)), renderer_(settings_, {}), sensor_(settings_) {}
-
-  // Row by row from the top left, of the camera's size.
-  std::vector<uint8_t> Take(const Eigen::Isometry3d& world_from_board) {
-    const CameraIntrinsics& lens = settings_.cameras[0].model.intrinsics();
-    const auto width = static_cast<size_t>(lens.width);
-    std::vector<float> sharp(width * static_cast<size_t>(lens.height));
-    const std::vector<std::optional<Eigen::Isometry3d>> boards{world_from_board};
-    renderer_.Render(std::vector<size_t>{0}, nullptr, boards, {},
-                     [&](size_t, int y, const Renderer::Row& row) {
-                       const ptrdiff_t first = static_cast<ptrdiff_t>(y) * std::ssize(row.levels);
-                       std::copy(row.levels.begin(), row.levels.end(), sharp.begin() + first);
-                     });
-    cv::Mat light(lens.height, lens.width, CV_32FC1, sharp.data());
-    Blur(light, settings_.blur);
-    std::vector<uint8_t> pixels(sharp.size());
-    for (int y = 0; y < lens.height; ++y) {
-      const size_t first = static_cast<size_t>(y) * width;
-      sensor_.Expose(std::span(sharp).subspan(first, width), {}, {.frame = frame_, .y = y},
-                     std::span(pixels).subspan(first, width));
-    }
-    ++frame_;
-    return pixels;
-  }
-
- private:
-  const SimulationSettings settings_;
-  Renderer renderer_;
-  ImageSensor sensor_;
-  uint64_t frame_ = 0;
-};
 
 constexpr size_t kFrames = 6;
 constexpr double kLeastSize = 60;  // of a tag's shortest side, pixels
@@ -103,10 +52,8 @@ Figures MeasureCorners(uint64_t seed) {
       DrawBoardFrames(std::span(&camera, 1), board, {.volume = PlacesOf(rig).volume, .tilt = 0.7},
                       kFrames, {.sigma = 0, .least_size = kLeastSize, .most_tilt = 1}, seed);
   Photographer photographer(camera, board, seed);
-  const CameraIntrinsics& lens = camera.model.intrinsics();
   for (size_t f = 0; f < frames.frames.size(); ++f) {
-    std::vector<uint8_t> pixels = photographer.Take(frames.world_from_board[f]);
-    const cv::Mat image(lens.height, lens.width, CV_8UC1, pixels.data());
+    const cv::Mat image = photographer.Take(frames.world_from_board[f]);
     std::vector<TagSighting> truth;
     for (const TagSighting& sighting : frames.sightings) {
       if (sighting.frame == frames.frames[f]) truth.push_back(sighting);
