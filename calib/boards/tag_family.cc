@@ -68,7 +68,7 @@ AprilTagFamily Create(const std::string& name) {
 
 // Which modules carry data or border. The others, around a round tag or in the hollow of a nested
 // one, are left as paper: the library draws them black.
-std::vector<bool> MeaningfulModules(const apriltag_family& family) {
+std::vector<bool> MeaningfulModules(const apriltag_family& family, int border) {
   const int width = family.total_width;
   const int start = (width - family.width_at_border) / 2;
   std::vector<bool> meaningful(static_cast<size_t>(width) * width);
@@ -85,8 +85,7 @@ std::vector<bool> MeaningfulModules(const apriltag_family& family) {
       }
     }
   };
-  mark_ring(start);
-  mark_ring(start - 1);
+  for (int ring = -1; ring < border; ++ring) mark_ring(start + ring);
   return meaningful;
 }
 
@@ -136,7 +135,7 @@ TagModules TagFamily::Modules(int id) const {
     }
     return modules;
   }
-  const std::vector<bool> meaningful = MeaningfulModules(*family_);
+  const std::vector<bool> meaningful = MeaningfulModules(*family_, border());
   image_u8_t* image = apriltag_to_image(family_.get(), id);
   TagModules modules{.width = total_width(), .white = std::vector<bool>(meaningful.size())};
   for (int row = 0; row < modules.width; ++row) {

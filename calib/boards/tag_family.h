@@ -41,6 +41,8 @@ class TagFamily {
   int total_width() const;
   // Modules between the corners that are detected; they lie in the middle of the print.
   int width_at_border() const;
+  // Modules from the square's edge between the corners to the first that differ from tag to tag.
+  int border() const { return name_ == kKalibrFamily ? 2 : 1; }
   // Whether the square between the corners is white at its rim and black around it, instead of
   // black in white.
   bool reversed_border() const;

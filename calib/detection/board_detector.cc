@@ -362,9 +362,10 @@ std::vector<DetectedTag> BoardDetector::Detect(const cv::Mat& image,
   if (tags_) all = tags_->Detect(image, lens);
   for (const Board& board : boards_) {
     const BoardKind kind = board.description().kind;
-    if (kind == BoardKind::kTags && board.family() != kKalibrFamily) continue;
+    const bool grid = board.family() == kKalibrFamily;
+    if (kind == BoardKind::kTags && !grid && !TagFamily(board.family()).is_dictionary()) continue;
     // A square that the library took for a part of a tag has drawn its corner away.
-    if (kind == BoardKind::kTags) {
+    if (grid) {
       std::erase_if(all, [&](const DetectedTag& tag) {
         return board.HasTag(tag.family, tag.tag) && !tag.fitted;
       });

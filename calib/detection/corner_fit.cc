@@ -40,7 +40,7 @@ Eigen::Matrix2d UndistortedPerPixel(const std::optional<CameraModel>& lens,
 namespace {
 
 constexpr double kMostReach = 4;  // pixels beside an edge
-constexpr double kReachInModules = 0.55;
+constexpr double kReachInBorders = 0.55;
 constexpr double kMostMoved = 1.5;         // pixels, of a corner by the fit
 constexpr double kMostMovedInSides = 0.1;  // the same, sides of squares that are larger
 // The outermost squares may be cut: so much of a side they have at least.
@@ -63,8 +63,8 @@ constexpr double kLeastSideInBlurs = 3.5;
 // Pixels at the end of an edge where the next one shows.
 double EndGap(double blur) { return std::max(2.0, 1 + 2 * blur); }
 
-double SigmaOf(double of_fit, double blur, double module) {
-  const double neighbours = kNeighbourSigma * std::pow(kNeighbourRatio * blur / module, 5);
+double SigmaOf(double of_fit, double blur, double border) {
+  const double neighbours = kNeighbourSigma * std::pow(kNeighbourRatio * blur / border, 5);
   return std::hypot(kOfFit * of_fit, neighbours, kLeastSigma);
 }
 
@@ -92,10 +92,10 @@ std::optional<Meeting> Meet(const Edge& a, const Edge& b, Eigen::Vector2d at) {
 
 std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image,
                                           const std::optional<CameraModel>& lens,
-                                          const PixelCorners& undistorted, double module,
+                                          const PixelCorners& undistorted, double border,
                                           double blur) {
   EdgeFitSettings settings;
-  settings.reach = std::min(kMostReach, kReachInModules * module);
+  settings.reach = std::min(kMostReach, kReachInBorders * border);
   settings.end_gap = EndGap(blur);
   settings.curved = !lens;
   std::vector<Edge> edges;
@@ -112,7 +112,7 @@ std::optional<std::vector<Edge>> FitEdges(const cv::Mat& image,
 
 std::optional<FittedCorners> FitCorners(const cv::Mat& image,
                                         const std::optional<CameraModel>& lens,
-                                        const PixelCorners& corners, double module) {
+                                        const PixelCorners& corners, double border) {
   PixelCorners undistorted;
   for (int i = 0; i < 4; ++i) {
     const auto at = Undistorted(lens, corners[i]);
@@ -122,7 +122,7 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image,
   FittedCorners fitted;
   fitted.blur = kFirstCornerBlur;
   for (int round = 0; round < kRounds; ++round) {
-    const auto edges = FitEdges(image, lens, undistorted, module, fitted.blur);
+    const auto edges = FitEdges(image, lens, undistorted, border, fitted.blur);
     if (!edges) return std::nullopt;
     double variance = 0;
     fitted.blur = fitted.contrast = 0;
@@ -140,7 +140,7 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image,
     }
     fitted.sigma = std::sqrt(variance);
   }
-  fitted.sigma = SigmaOf(fitted.sigma, fitted.blur, module);
+  fitted.sigma = SigmaOf(fitted.sigma, fitted.blur, border);
   return fitted;
 }
 
@@ -204,41 +204,47 @@ class ChessEdges {
     return seen ? std::optional(rim) : std::nullopt;
   }
 
-  // The quadratic term of an edge's offset as the corners about it lie, of which `centres` are in
-  // the middle of three: the edge's own grey values know it less well. Nothing if they do not say.
-  std::optional<double> Bend(const Eigen::Vector2d& from, const Eigen::Vector2d& to,
-                             const std::array<Place, 2>& centres, const Place& step) const {
-    const Edge straight(from, to);
-    double sum = 0;
-    int known = 0;
-    for (const Place& centre : centres) {
-      const auto before = At({centre[0] - step[0], centre[1] - step[1]});
-      const auto at = At(centre);
-      const auto after = At({centre[0] + step[0], centre[1] + step[1]});
-      if (!before || !at || !after) continue;
-      const double share = 2 * straight.length() / (*after - *before).norm();
-      sum += share * share * straight.normal().dot(*before - 2 * *at + *after);
-      ++known;
+  // How the corners in line with an edge bend it: its own grey values know that less well. A cubic
+  // through the nearest four, or a parabola through three; nothing: there are fewer. `place`: where
+  // the edge begins.
+  std::optional<Bend> BendOf(const Edge& straight, const Place& place, const Place& step) const {
+    constexpr size_t kNodes = 4;
+    std::vector<double> along;
+    std::vector<double> differences;
+    for (const int steps : {0, 1, -1, 2, -2, 3, -3, 4}) {
+      const auto at = At({place[0] + steps * step[0], place[1] + steps * step[1]});
+      if (!at || along.size() == kNodes) continue;
+      along.push_back(straight.Along(*at));
+      differences.push_back(straight.Distance(*at));
     }
-    return known > 0 ? std::optional(sum / known / 8) : std::nullopt;
+    if (along.size() < kNodes - 1) return std::nullopt;
+    // Newton's divided differences.
+    for (size_t order = 1; order < along.size(); ++order) {
+      for (size_t i = along.size() - 1; i >= order; --i) {
+        differences[i] = (differences[i] - differences[i - 1]) / (along[i] - along[i - order]);
+      }
+    }
+    Bend bend{.quadratic = differences[2]};
+    if (along.size() == kNodes) {
+      bend.cubic = differences[3];
+      bend.quadratic -= bend.cubic * (along[0] + along[1] + along[2]);
+    }
+    return bend;
   }
 
   // The edge from `place` to the next one; one of the two may lie on the rim, beside a corner.
   std::optional<Edge> Fit(const Place& place, const Place& step) const {
     const Place next = {place[0] + step[0], place[1] + step[1]};
-    const Place before = {place[0] - step[0], place[1] - step[1]};
-    const Place after = {next[0] + step[0], next[1] + step[1]};
     const auto from = IsCorner(place) ? At(place) : Rim(next, step);
     const auto to = IsCorner(next) ? At(next) : Rim(place, {-step[0], -step[1]});
     if (!from || !to) return std::nullopt;
     EdgeFitSettings settings{
-        .reach = std::min(kMostReach, kReachInModules * room_ * (*to - *from).norm()),
+        .reach = std::min(kMostReach, kReachInBorders * room_ * (*to - *from).norm()),
         .end_gap = EndGap(blur_)};
     if (!lens_) {
-      const std::optional<double> bend =
-          Bend(*from, *to, {IsCorner(next) ? place : before, IsCorner(place) ? next : after}, step);
+      const std::optional<Bend> bend = BendOf(Edge(*from, *to), place, step);
       settings.curved = !bend;
-      settings.bend = bend.value_or(0);
+      settings.bend = bend.value_or(Bend());
     }
     return FitEdge(image_, lens_, *from, *to, settings);
   }

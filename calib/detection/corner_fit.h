@@ -25,6 +25,12 @@ Eigen::Matrix2d UndistortedPerPixel(const std::optional<CameraModel>& lens,
 
 // Where a straight edge between dark and bright lies in an image, to some hundredths of a pixel:
 // a blurred step is fitted to the grey values of all pixels beside it.
+// How a line of corners bends an edge between them: the quadratic and the cubic term of its offset.
+struct Bend {
+  double quadratic = 0;
+  double cubic = 0;
+};
+
 // An edge in undistorted pixels: at `along`, from -1 to 1 on the way from one end to the other, it
 // is `offset(along)` pixels to the side of the straight line through both ends.
 class Edge {
@@ -32,7 +38,9 @@ class Edge {
   Edge(const Eigen::Vector2d& from, const Eigen::Vector2d& to);
 
   double Along(const Eigen::Vector2d& at) const { return tangent_.dot(at - middle_) / half_; }
-  double Offset(double along) const { return shape_[0] + along * (shape_[1] + along * shape_[2]); }
+  double Offset(double along) const {
+    return shape_[0] + along * (shape_[1] + along * (shape_[2] + along * cubic_));
+  }
   // How far `at` is from the edge, positive on the side of normal().
   double Distance(const Eigen::Vector2d& at) const {
     return normal().dot(at - middle_) - Offset(Along(at));
@@ -56,8 +64,9 @@ class Edge {
   Eigen::Vector2d middle_;
   Eigen::Vector2d tangent_;
   double half_;
-  Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();  // of Offset: constant, linear, quadratic
-  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d shape_ = Eigen::Vector3d::Zero();       // of Offset: constant, linear, quadratic
+  double cubic_ = 0;                                      // its cubic term
+  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();  // of the shape
   double blur_ = 0;
   double contrast_ = 0;
   double noise_ = 0;
@@ -67,7 +76,7 @@ struct EdgeFitSettings {
   double reach = 4;     // pixels to either side that are looked at
   double end_gap = 3;   // pixels left out at both ends, where the next edge begins
   bool curved = false;  // the edge may be a parabola
-  double bend = 0;      // otherwise it is one: the quadratic term of its offset
+  Bend bend = {};       // otherwise it is bent so
 };
 
 // The edge near the straight line between two undistorted positions. `image`: CV_8UC1. Nothing if
@@ -86,11 +95,12 @@ struct FittedCorners {
 };
 
 // `corners`: roughly, pixels with integers at pixel centres, of one tag and in an order that goes
-// around it. `module`: the side of its modules, pixels. With an unknown lens edges may be curved.
-// Nothing if an edge is not there as it should be, or a corner is not near where it was.
+// around it. `border`: how wide the tag is of one colour on either side of its edges, pixels. With
+// an unknown lens edges may be curved. Nothing if an edge is not there as it should be, or a corner
+// is not near where it was.
 std::optional<FittedCorners> FitCorners(const cv::Mat& image,
                                         const std::optional<CameraModel>& lens,
-                                        const PixelCorners& corners, double module);
+                                        const PixelCorners& corners, double border);
 
 struct FittedCorner {
   Eigen::Vector2d at = Eigen::Vector2d::Zero();  // pixels

@@ -48,7 +48,8 @@ Edge::Edge(const Eigen::Vector2d& from, const Eigen::Vector2d& to)
     : middle_((from + to) / 2), tangent_((to - from).normalized()), half_((to - from).norm() / 2) {}
 
 Eigen::Vector2d Edge::Gradient(const Eigen::Vector2d& at) const {
-  const double slope = (shape_[1] + 2 * shape_[2] * Along(at)) / half_;
+  const double along = Along(at);
+  const double slope = (shape_[1] + along * (2 * shape_[2] + 3 * along * cubic_)) / half_;
   return normal() - slope * tangent_;
 }
 
@@ -66,10 +67,12 @@ class EdgeFitter {
   std::optional<Edge> Fit(Edge edge) const {
     const auto middle = Distorted(lens_, edge.middle_);
     if (!middle) return std::nullopt;
+    if (!settings_.curved) edge.cubic_ = settings_.bend.cubic;
     // Pixels per undistorted pixel across the edge.
     const double scale =
         1 / (UndistortedPerPixel(lens_, *middle).transpose() * edge.normal()).norm();
-    const std::vector<Sample> samples = SamplesBeside(edge, scale);
+    std::vector<Sample> samples = SamplesBeside(edge, scale);
+    for (Sample& sample : samples) sample.aside -= edge.cubic_ * std::pow(sample.along, 3);
     if (samples.size() < kLeastPixels || !Solve(samples, scale, edge)) return std::nullopt;
     return edge;
   }
@@ -144,7 +147,8 @@ class EdgeFitter {
     double sum[2] = {};
     int count[2] = {};
     for (const Sample& sample : samples) {
-      const double away = sample.aside - edge.Offset(sample.along);
+      const double away = sample.aside - edge.shape_.dot(Eigen::Vector3d(
+                                             1, sample.along, sample.along * sample.along));
       if (std::abs(away) < 1) continue;
       sum[away > 0] += sample.grey;
       ++count[away > 0];
@@ -153,7 +157,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
-    if (!settings_.curved) u[kShape2] = settings_.bend;
+    if (!settings_.curved) u[kShape2] = settings_.bend.quadratic;
     u[kBlur] = kFirstEdgeBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;

@@ -152,6 +152,7 @@ std::vector<DetectedTag> MissedTags(const Board& board, const cv::Mat& image,
                                     const std::optional<CameraModel>& lens,
                                     std::span<const DetectedTag> found) {
   const TagFamily family(board.family());
+  const double border = static_cast<double>(family.border()) / family.width_at_border();
   const double gap_in_tags = board.description().gap / board.description().tag_size;
   std::vector<KnownTag> known;
   std::vector<bool> has(static_cast<size_t>(board.tags()));
@@ -175,7 +176,7 @@ std::vector<DetectedTag> MissedTags(const Board& board, const cv::Mat& image,
       if (!near || !ShowsTag(image, lens, family, id, *near)) continue;
       double side = 0;
       for (size_t i = 0; i < 4; ++i) side += ((*near)[i] - (*near)[(i + 1) % 4]).norm() / 4;
-      const auto fitted = FitCorners(image, lens, *near, side / family.width_at_border());
+      const auto fitted = FitCorners(image, lens, *near, border * side);
       if (!fitted) continue;
       missed.push_back({.family = board.family(),
                         .tag = id,

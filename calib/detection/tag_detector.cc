@@ -20,8 +20,8 @@
 namespace silhouette {
 namespace {
 
-// The blur mixes narrower modules too much for their edges to be fitted.
-constexpr double kLeastModuleInBlurs = 3.5;
+// The blur mixes narrower borders too much for their edges to be fitted.
+constexpr double kLeastBorderInBlurs = 3.5;
 constexpr int kLeastImage = 16;     // pixels; the library hangs in smaller ones
 constexpr double kUsualBlur = 0.7;  // pixels, if no edge could be fitted
 
@@ -144,8 +144,9 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
     DetectedTag tag{
         .family = family.name(), .tag = id, .corners = {corners.begin(), corners.end()}};
     tag.size = MeanSide(corners);
-    const auto fitted = FitCorners(image, lens, corners, module);
-    if (fitted && module > kLeastModuleInBlurs * fitted->blur) {
+    const double border = family.border() * module;
+    const auto fitted = FitCorners(image, lens, corners, border);
+    if (fitted && border > kLeastBorderInBlurs * fitted->blur) {
       tag.fitted = true;
       tag.corners.assign(fitted->corners.begin(), fitted->corners.end());
       tag.sigma = fitted->sigma;

@@ -98,6 +98,25 @@ TEST(TagFamily, BorderIsWhereItIsSaidToBe) {
   }
 }
 
+// As kalibr_create_target_pdf draws it, with --border-bits 2; its detector reads no other.
+TEST(TagFamily, BorderOfKalibrsTagsIsTwoBlackModulesWide) {
+  const TagFamily family(kKalibrFamily);
+  EXPECT_EQ(family.border(), 2);
+  const int first = (family.total_width() - family.width_at_border()) / 2;
+  const int last = family.total_width() - 1 - first;
+  for (const int id : {0, 35}) {
+    const TagModules modules = family.Modules(id);
+    for (int i = first; i <= last; ++i) {
+      for (const int ring : {0, 1}) {
+        EXPECT_FALSE(modules.White(i, first + ring)) << id << " " << i << " " << ring;
+        EXPECT_FALSE(modules.White(i, last - ring)) << id << " " << i << " " << ring;
+        EXPECT_FALSE(modules.White(first + ring, i)) << id << " " << i << " " << ring;
+        EXPECT_FALSE(modules.White(last - ring, i)) << id << " " << i << " " << ring;
+      }
+    }
+  }
+}
+
 TEST(TagFamily, TagsDiffer) {
   const TagFamily family("tagStandard41h12");
   EXPECT_EQ(family.total_width(), 9);
