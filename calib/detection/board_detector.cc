@@ -362,10 +362,10 @@ std::vector<DetectedTag> BoardDetector::Detect(const cv::Mat& image,
   if (tags_) all = tags_->Detect(image, lens);
   for (const Board& board : boards_) {
     const BoardKind kind = board.description().kind;
-    const bool grid = board.family() == kKalibrFamily;
-    if (kind == BoardKind::kTags && !grid && !TagFamily(board.family()).is_dictionary()) continue;
+    const bool kalibr = board.family() == kKalibrFamily;
+    if (kind == BoardKind::kTags && !kalibr && !TagFamily(board.family()).is_dictionary()) continue;
     // A square that the library took for a part of a tag has drawn its corner away.
-    if (grid) {
+    if (kalibr) {
       std::erase_if(all, [&](const DetectedTag& tag) {
         return board.HasTag(tag.family, tag.tag) && !tag.fitted;
       });

@@ -45,6 +45,9 @@ constexpr double kMostMoved = 1.5;         // pixels, of a corner by the fit
 constexpr double kMostMovedInSides = 0.1;  // the same, sides of squares that are larger
 // The outermost squares may be cut: so much of a side they have at least.
 constexpr double kRimSquare = 0.45;
+// The lens bends longer edges, pixels, more than some corners say; their own grey values know it
+// better.
+constexpr double kOwnBend = 100;
 constexpr double kMostMovedRim = 1.5;  // pixels, between the edges before and beyond a corner
 // The second round looks at the pixels that lie evenly beside what the first has found.
 constexpr int kRounds = 2;
@@ -178,6 +181,8 @@ class ChessEdges {
  private:
   using Place = std::array<int, 2>;  // row, column
 
+  static bool IsLong(const Edge& edge) { return edge.length() > kOwnBend; }
+
   Place PlaceOf(size_t corner) const {
     const int at = static_cast<int>(corner);
     return {at / corners_.columns, at % corners_.columns};
@@ -204,16 +209,19 @@ class ChessEdges {
     return seen ? std::optional(rim) : std::nullopt;
   }
 
-  // How the corners in line with an edge bend it: its own grey values know that less well. A cubic
-  // through the nearest four, or a parabola through three; nothing: there are fewer. `place`: where
-  // the edge begins.
+  // How the corners in line with an edge bend it: if it is short, its own grey values know that
+  // less well. A cubic through the nearest four, or a parabola through three; nothing: there are
+  // fewer. `place`: where the edge begins.
   std::optional<Bend> BendOf(const Edge& straight, const Place& place, const Place& step) const {
     constexpr size_t kNodes = 4;
     std::vector<double> along;
     std::vector<double> differences;
     for (const int steps : {0, 1, -1, 2, -2, 3, -3, 4}) {
+      // Of a short edge at a row's end, a fourth corner tells less than its noise spoils.
+      const bool beside = steps >= -1 && steps <= 2;
+      const size_t most = beside || IsLong(straight) ? kNodes : kNodes - 1;
       const auto at = At({place[0] + steps * step[0], place[1] + steps * step[1]});
-      if (!at || along.size() == kNodes) continue;
+      if (!at || along.size() >= most) continue;
       along.push_back(straight.Along(*at));
       differences.push_back(straight.Distance(*at));
     }
@@ -242,8 +250,9 @@ class ChessEdges {
         .reach = std::min(kMostReach, kReachInBorders * room_ * (*to - *from).norm()),
         .end_gap = EndGap(blur_)};
     if (!lens_) {
-      const std::optional<Bend> bend = BendOf(Edge(*from, *to), place, step);
-      settings.curved = !bend;
+      const Edge straight(*from, *to);
+      const std::optional<Bend> bend = BendOf(straight, place, step);
+      settings.curved = !bend || IsLong(straight);
       settings.bend = bend.value_or(Bend());
     }
     return FitEdge(image_, lens_, *from, *to, settings);

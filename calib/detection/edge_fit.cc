@@ -67,7 +67,7 @@ class EdgeFitter {
   std::optional<Edge> Fit(Edge edge) const {
     const auto middle = Distorted(lens_, edge.middle_);
     if (!middle) return std::nullopt;
-    if (!settings_.curved) edge.cubic_ = settings_.bend.cubic;
+    edge.cubic_ = settings_.bend.cubic;
     // Pixels per undistorted pixel across the edge.
     const double scale =
         1 / (UndistortedPerPixel(lens_, *middle).transpose() * edge.normal()).norm();
@@ -157,7 +157,7 @@ class EdgeFitter {
     const double high = count[1] > 0 ? sum[1] / count[1] : 0;
     Unknowns u = Unknowns::Zero();
     u.head<3>() = edge.shape_;
-    if (!settings_.curved) u[kShape2] = settings_.bend.quadratic;
+    u[kShape2] = settings_.bend.quadratic;
     u[kBlur] = kFirstEdgeBlur;
     u[kMean0] = (low + high) / 2;
     u[kHalf0] = (high - low) / 2;

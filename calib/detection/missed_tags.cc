@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <opencv2/aruco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "calib/boards/charuco.h"
 #include "calib/boards/tag_family.h"
 #include "calib/detection/corner_fit.h"
 
@@ -24,8 +26,13 @@ constexpr double kGapSearched = 0.4;
 constexpr double kRimLeft = 4;  // pixels between a tag's corners and the image's rim
 // Grey values between a tag's white and its black modules.
 constexpr double kLeastModuleContrast = 15;
-// Modules between its corners that may look wrong. Two tags differ in eleven and more.
+// Modules between its corners that may look wrong. Two of Kalibr's tags differ in eleven and more.
 constexpr int kMostWrongModules = 3;
+
+int MostWrongModules(const TagFamily& family) {
+  if (!family.is_dictionary()) return kMostWrongModules;
+  return std::min(kMostWrongModules, ArucoDictionary(family.name())->maxCorrectionBits);
+}
 
 // A corner on the board, metres, and where it is seen, undistorted pixels.
 struct KnownCorner {
@@ -143,7 +150,7 @@ bool ShowsTag(const cv::Mat& image, const std::optional<CameraModel>& lens, cons
   const double limit = (means[0] + means[1]) / 2;
   const auto wrong = std::ranges::count_if(greys[0], [&](double grey) { return grey > limit; }) +
                      std::ranges::count_if(greys[1], [&](double grey) { return grey <= limit; });
-  return wrong <= kMostWrongModules;
+  return wrong <= MostWrongModules(family);
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tags of an AprilGrid that the AprilTag library misses: the squares that Kalibr prints between
-// tags touch their corners, so that the library sees no quadrilaterals. Where they are follows from
-// the tags near them.
+// The tags of a board that the libraries miss: the squares that Kalibr prints between tags touch
+// their corners, so that the AprilTag library sees no quadrilaterals, and OpenCV overlooks every
+// tenth ArUco marker. Where they are follows from the tags near them.
 #pragma once
 
 #include <opencv2/core/mat.hpp>

@@ -51,11 +51,14 @@ struct FoundMarker {
   PixelCorners corners;  // in the order of tags
 };
 
-std::vector<FoundMarker> FindMarkers(const std::string& dictionary, const cv::Mat& image) {
+std::vector<FoundMarker> FindMarkers(const std::string& dictionary, int border,
+                                     const cv::Mat& image) {
+  const auto parameters = cv::aruco::DetectorParameters::create();
+  parameters->markerBorderBits = border;
   std::vector<int> ids;
   std::vector<std::vector<cv::Point2f>> found;
   // To a pixel; OpenCV's refinement takes inner corners of small markers.
-  cv::aruco::detectMarkers(image, ArucoDictionary(dictionary), found, ids);
+  cv::aruco::detectMarkers(image, ArucoDictionary(dictionary), found, ids, parameters);
   std::vector<FoundMarker> markers;
   for (size_t i = 0; i < ids.size(); ++i) {
     FoundMarker& marker = markers.emplace_back(FoundMarker{.id = ids[i], .corners = {}});
@@ -67,6 +70,9 @@ std::vector<FoundMarker> FindMarkers(const std::string& dictionary, const cv::Ma
 // The squares that Kalibr prints touch its tags' corners. They come apart where bright areas
 // are grown by a pixel, at more blur by two.
 constexpr int kMostGrown = 2;
+// Of Kalibr's tags so many say where the others are. The library may see none of small ones.
+constexpr size_t kEnoughTags = 2;
+constexpr char kKalibrDictionary[] = "DICT_APRILTAG_36h11";
 
 cv::Mat Grown(const cv::Mat& image, int pixels) {
   if (pixels == 0) return image;
@@ -158,7 +164,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
     tags.push_back(std::move(tag));
   };
   for (const TagFamily& dictionary : library_->dictionaries) {
-    for (const FoundMarker& marker : FindMarkers(dictionary.name(), image)) {
+    for (const FoundMarker& marker : FindMarkers(dictionary.name(), 1, image)) {
       add(dictionary, marker.id, marker.corners, false);
     }
   }
@@ -180,6 +186,18 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
       add(family, detection->id, MovedOut(CornersOf(*detection), grown), grown == 0);
     }
     apriltag_detections_destroy(detections);
+  }
+  std::set<int> kalibr;
+  for (const DetectedTag& tag : tags) {
+    if (tag.family == kKalibrFamily && tag.fitted) kalibr.insert(tag.tag);
+  }
+  if (library_->kalibr && kalibr.size() < kEnoughTags) {
+    const TagFamily family(kKalibrFamily);
+    for (FoundMarker& marker : FindMarkers(kKalibrDictionary, family.border(), image)) {
+      // OpenCV has these tags upside down.
+      std::ranges::rotate(marker.corners, marker.corners.begin() + 2);
+      if (!kalibr.contains(marker.id)) add(family, marker.id, marker.corners, false);
+    }
   }
   const double blur = Median(blurs, kUsualBlur);
   for (size_t i = 0; i < tags.size(); ++i) {

@@ -135,6 +135,34 @@ TEST(BoardDetector, CornersOfArucoMarkersAreGoodToHundredthsOfAPixelFromAllSides
   }
 }
 
+TEST(BoardDetector, EveryArucoMarkerOfABoardThatIsSeenWholeIsFound) {
+  const Board board = ArucoGrid();
+  for (int seed = 1; seed <= 8; ++seed) {
+    const RenderedBoard rendered =
+        Seen(board, {.distance = 0.5, .tilt = 0.5, .turn = seed * 0.8}, seed);
+    const CornerErrors errors = ErrorsIn(rendered, board);
+    EXPECT_EQ(errors.corners, static_cast<size_t>(4 * board.tags())) << seed;
+    EXPECT_LT(errors.worst, 0.3) << seed;
+  }
+}
+
+// Its edges bend as no parabola does, and where the image cuts a square a corner has only one.
+TEST(BoardDetector, CornersOfLargeSquaresInTheImagesCornerAreAsExactAsStated) {
+  const Board board = Charuco(5, 4);
+  for (int seed = 1; seed <= 3; ++seed) {
+    std::mt19937_64 random(seed);
+    const Eigen::Isometry3d pose = Eigen::Translation3d(-0.06, -0.045, 0) *
+                                   Eigen::AngleAxisd(0.15 * seed, Eigen::Vector3d::UnitZ()) *
+                                   RandomPose(board, 0.2, 0.5, random);
+    const RenderedBoard rendered(board, Intrinsics(800, 600, 750, -0.2), pose, {.blur = 0.4},
+                                 random);
+    const CornerErrors errors = ErrorsIn(rendered, board);
+    EXPECT_GE(errors.corners, 6u) << seed;
+    EXPECT_LT(errors.chi2, 4) << seed;
+    EXPECT_LT(errors.worst, 0.06) << seed;
+  }
+}
+
 // The markers as OpenCV draws and numbers them.
 TEST(BoardDetector, AGridBoardThatOpenCvDrewHasItsIdsAndCornersWhereTheBoardHasThem) {
   const Board board = ArucoGrid();
@@ -202,6 +230,23 @@ TEST(BoardDetector, BlurThatJoinsTheTagsOfAnAprilGridWithItsSquaresCostsFew) {
       EXPECT_LT(errors.rms, 0.06);
       EXPECT_LT(errors.worst, 0.3);
     }
+  }
+}
+
+// OpenCV sees these squares as quadrilaterals, the AprilTag library does not.
+TEST(BoardDetector, SmallBlurredTagsOfAnAprilGridAreFoundAtEveryAngle) {
+  const Board board = WholeAprilGrid();
+  for (int seed = 1; seed <= 6; ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    std::mt19937_64 random(seed);
+    const Eigen::Isometry3d pose = Eigen::AngleAxisd(0.5 * seed, Eigen::Vector3d::UnitZ()) *
+                                   RandomPose(board, 1.05, 0.5, random);
+    const RenderedBoard rendered(board, Intrinsics(480, 480, 390, -0.15), pose,
+                                 {.blur = 0.8, .black = 5, .white = 70}, random);
+    const CornerErrors errors = ErrorsIn(rendered, board);
+    EXPECT_GE(errors.corners, size_t{4 * 33});
+    EXPECT_LT(errors.rms, 0.15);
+    EXPECT_LT(errors.worst, 0.8);
   }
 }
 

@@ -10,7 +10,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include <opencv2/imgcodecs.hpp>
 #include "calib/boards/tag_family.h"
 #include "calib/detection/image_tags.h"
 #include "calib/intrinsics/solve_lenses.h"
@@ -92,7 +91,7 @@ HeldBoard DrawHeldBoard(const NamedCamera& camera, const Board& board, const std
     held.world_from_board = DrawHeldPose(camera.model, board, chance);
     held.truth = ProjectTags(camera, frame, board, held.world_from_board, kExact, chance);
   } while (static_cast<double>(held.truth.size()) < least * board.tags());
-  held.shot = {.gain = {.middle = chance.Uniform(0.4, 1.1), .slope = chance.Uniform(-0.15, 0.15)},
+  held.shot = {.gain = {.middle = chance.Uniform(0.5, 1.6), .slope = chance.Uniform(-0.15, 0.15)},
                .blur = chance.Uniform(0.3, 0.9),
                .vignetting = kVignetting,
                .motion = DrawMotion(camera.model, board, held.world_from_board, chance)};
@@ -283,23 +282,6 @@ absl::Status MeasureBoardLine(const BoardLine& line, int images, uint64_t seed,
     const std::vector<TagSighting> found = SightingsOf(tags);
     truth.Count(found, result);
     sightings.insert(sightings.end(), found.begin(), found.end());
-    if (const char* dump = getenv("DUMP")) {
-      std::string base = absl::StrFormat("%s/%s-%d-%s", dump, line.name, seed, frame);
-      cv::imwrite(base + ".png", image);
-      FILE* f = fopen((base + ".txt").c_str(), "w");
-      const auto& sh = held.shot;
-      fprintf(f, "# %f %f %f %f\n", sh.gain.middle, sh.gain.slope, sh.blur, sh.motion.translation().norm());
-      for (const auto& t : held.truth) {
-        const DetectedTag* d = nullptr;
-        for (const auto& m : tags.tags) if (m.tag == t.tag) d = &m;
-        double side = 0;
-        if (t.corners.size() == 4) { side = 1e9; for (int k = 0; k < 4; ++k) side = std::min(side, (t.corners[k] - t.corners[(k + 1) % 4]).norm()); }
-        for (size_t k = 0; k < t.corners.size(); ++k)
-          fprintf(f, "%d %zu %f %f %f %f %f %f %d %f %f\n", t.tag, k, t.corners[k].x(), t.corners[k].y(),
-                  d ? d->corners[k].x() : -1, d ? d->corners[k].y() : -1, d ? d->sigma : -1, d ? d->blur : -1, d ? (int)d->fitted : -1, side, d ? d->size : -1);
-      }
-      fclose(f);
-    }
     if (const auto others = CornersByOpenCv(line.board, image)) {
       of_opencv.push_back(truth.Count(*others, result.of_opencv));
     }
