@@ -135,14 +135,23 @@ TEST(BoardDetector, CornersOfArucoMarkersAreGoodToHundredthsOfAPixelFromAllSides
   }
 }
 
+// OpenCV overlooks some.
 TEST(BoardDetector, EveryArucoMarkerOfABoardThatIsSeenWholeIsFound) {
-  const Board board = ArucoGrid();
-  for (int seed = 1; seed <= 8; ++seed) {
-    const RenderedBoard rendered =
-        Seen(board, {.distance = 0.5, .tilt = 0.5, .turn = seed * 0.8}, seed);
+  const Board board({.name = "markers",
+                     .family = "DICT_5X5_100",
+                     .rows = 5,
+                     .columns = 7,
+                     .tag_size = 0.04,
+                     .gap = 0.01});
+  for (int seed = 1; seed <= 3; ++seed) {
+    std::mt19937_64 random(seed);
+    const RenderedBoard rendered(board, Intrinsics(480, 480, 700, -0.15),
+                                 Eigen::AngleAxisd(seed * 0.8, Eigen::Vector3d::UnitZ()) *
+                                     RandomPose(board, 0.7, 0.6, random),
+                                 {.blur = 0.8}, random);
     const CornerErrors errors = ErrorsIn(rendered, board);
     EXPECT_EQ(errors.corners, static_cast<size_t>(4 * board.tags())) << seed;
-    EXPECT_LT(errors.worst, 0.3) << seed;
+    EXPECT_LT(errors.worst, 0.4) << seed;
   }
 }
 
@@ -236,13 +245,13 @@ TEST(BoardDetector, BlurThatJoinsTheTagsOfAnAprilGridWithItsSquaresCostsFew) {
 // OpenCV sees these squares as quadrilaterals, the AprilTag library does not.
 TEST(BoardDetector, SmallBlurredTagsOfAnAprilGridAreFoundAtEveryAngle) {
   const Board board = WholeAprilGrid();
-  for (int seed = 1; seed <= 6; ++seed) {
+  for (int seed = 1; seed <= 3; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     std::mt19937_64 random(seed);
-    const Eigen::Isometry3d pose = Eigen::AngleAxisd(0.5 * seed, Eigen::Vector3d::UnitZ()) *
+    const Eigen::Isometry3d pose = Eigen::AngleAxisd(0.7 * seed, Eigen::Vector3d::UnitZ()) *
                                    RandomPose(board, 1.05, 0.5, random);
-    const RenderedBoard rendered(board, Intrinsics(480, 480, 390, -0.15), pose,
-                                 {.blur = 0.8, .black = 5, .white = 70}, random);
+    const RenderedBoard rendered(board, Intrinsics(400, 400, 390, -0.15), pose,
+                                 {.blur = 0.9, .black = 5, .white = 50}, random);
     const CornerErrors errors = ErrorsIn(rendered, board);
     EXPECT_GE(errors.corners, size_t{4 * 33});
     EXPECT_LT(errors.rms, 0.15);
