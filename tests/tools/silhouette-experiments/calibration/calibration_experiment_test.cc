@@ -4,11 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "tools/silhouette-experiments/calibration/error_lines.h"
 #include "tools/silhouette-experiments/calibration/figures.h"
 #include "tools/silhouette-experiments/calibration/model_errors.h"
+#include "tools/silhouette-experiments/calibration/rendered_boards.h"
 #include "tools/silhouette-experiments/calibration/rig.h"
 #include "tools/silhouette-experiments/calibration/trials.h"
 
@@ -165,6 +167,25 @@ TEST(ModelErrors, PosesAreAtLeastTwiceAsExactAsOpenCvsBestMethod) {
     EXPECT_EQ(result.refused, 0) << name;
     EXPECT_GT(result.others.count(), 0) << name;
     EXPECT_LE(WorseThanOthers(result), -0.5) << name;
+  }
+}
+
+TEST(RenderedBoards, OfEveryKindAreFoundWithoutAFalseCornerAndGiveALens) {
+  for (const BoardLine& line : BoardLines()) {
+    SCOPED_TRACE(line.name);
+    BoardResult result;
+    const absl::Status status = MeasureBoardLine(line, 10, 4, result);
+    ASSERT_TRUE(status.ok()) << status;
+    EXPECT_GT(result.corners.ShareFound(), 0.85);
+    EXPECT_EQ(result.corners.false_corners(), 0u);
+    EXPECT_LT(result.corners.Rms(), 0.08);
+    EXPECT_NEAR(std::sqrt(result.stated.PerFreedom()), 1, 0.5);
+    if (result.of_opencv.visible() > 0) {
+      EXPECT_GE(result.corners.ShareFound(), result.of_opencv.ShareFound());
+      EXPECT_LT(result.corners.Rms(), result.of_opencv.Rms());
+    }
+    EXPECT_EQ(result.lens.refused, 0) << result.lens.refusal;
+    EXPECT_LT(result.lens.error.Result(), 0.3);
   }
 }
 
