@@ -195,7 +195,7 @@ std::vector<DetectedTag> TagDetector::Detect(const cv::Mat& image,
     const TagFamily family(kKalibrFamily);
     for (FoundMarker& marker : FindMarkers(kKalibrDictionary, family.border(), image)) {
       // OpenCV has these tags upside down.
-      std::ranges::rotate(marker.corners, marker.corners.begin() + 2);
+      std::rotate(marker.corners.begin(), marker.corners.begin() + 2, marker.corners.end());
       if (!kalibr.contains(marker.id)) add(family, marker.id, marker.corners, false);
     }
   }
