@@ -2,7 +2,6 @@
 #include "calib/robot/urdf_text.h"
 
 #include <console_bridge/console.h>
-#include <iconv.h>
 #include <tinyxml.h>
 #include <urdf_model/pose.h>
 #include <urdf_parser/urdf_parser.h>
@@ -18,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/text/utf8.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -83,19 +83,6 @@ std::string ExpandedName(const std::string& path) {
   const fs::path name = fs::path(path).filename();
   if (name.extension() != ".xacro") return name.stem().string() + "_expanded.urdf";
   return name.stem().extension() == ".urdf" ? name.stem().string() : name.stem().string() + ".urdf";
-}
-
-// Names go into messages and databases, whose texts are UTF-8.
-bool IsUtf8(std::string text) {
-  const iconv_t converter = iconv_open("WCHAR_T", "UTF-8");  // needs no module of glibc
-  std::string wide(sizeof(wchar_t) * (text.size() + 1), 0);
-  char* from = text.data();
-  char* to = wide.data();
-  size_t left = text.size();
-  size_t room = wide.size();
-  const bool converted = iconv(converter, &from, &left, &to, &room) != static_cast<size_t>(-1);
-  iconv_close(converter);
-  return converted;
 }
 
 // Takes away what urdfdom refuses a robot for if it is not complete, and nothing here needs.

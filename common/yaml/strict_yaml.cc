@@ -14,19 +14,26 @@
 #include <system_error>
 #include <utility>
 
+#include "common/text/utf8.h"
+#include "common/times/times.h"
+
 namespace silhouette {
 namespace {
 
+// How many letters are missing, too many, wrong, or exchanged with the next one.
 size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<size_t> before(b.size() + 1);  // the row before the last
+  std::vector<size_t> last(b.size() + 1);
   std::vector<size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), size_t{0});
   for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
+    before = std::exchange(last, row);
     row[0] = i;
     for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substitution = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitution});
+      const size_t substitution = last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
+      row[j] = std::min({last[j] + 1, row[j - 1] + 1, substitution});
+      const bool can_exchange = i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1];
+      if (can_exchange) row[j] = std::min(row[j], before[j - 2] + 1);
     }
   }
   return row.back();
@@ -64,6 +71,21 @@ YamlNode YamlNode::FromFile(const std::string& path) {
 
 namespace {
 
+// Refuses bytes that are no UTF-8: names go into messages and databases. The library itself
+// converts UTF-16 and UTF-32 that begin with a mark, or with a character of ASCII.
+void RequireUtf8(const std::string& text, const std::string& file) {
+  const bool is_wide =
+      text.find('\0') < 4 || text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff");
+  if (is_wide || IsUtf8(text)) return;
+  int line = 1;
+  std::istringstream lines(text);
+  for (std::string one; std::getline(lines, one) && IsUtf8(one); ++line) {
+  }
+  throw YamlError(
+      file + ":" + std::to_string(line) +
+      ": the text is not UTF-8; convert it, as in: iconv -f ISO-8859-1 -t UTF-8 OLD > NEW");
+}
+
 // The number of the last line up to `last` whose indentation has a tab; 0: none.
 int LineWithTab(const std::string& text, int last) {
   std::istringstream lines(text);
@@ -79,6 +101,7 @@ int LineWithTab(const std::string& text, int last) {
 }  // namespace
 
 YamlNode YamlNode::FromText(const std::string& text, const std::string& file) {
+  RequireUtf8(text, file);
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(text);
     if (documents.empty() || documents.front().IsNull()) {
@@ -127,7 +150,12 @@ bool YamlNode::As<bool>() const {
 
 template <>
 int YamlNode::As<int>() const {
-  return Decoded<int>("a whole number is expected");
+  const char* expected = "a whole number is expected, in decimal digits";
+  // The library takes 0x10, and 010 as 8.
+  const std::string digits = node_.IsScalar() ? node_.Scalar() : "";
+  const size_t first = digits.find_first_not_of("+-");
+  if (first < digits.size() - 1 && digits[first] == '0') Fail(expected);
+  return Decoded<int>(expected);
 }
 
 template <>
@@ -186,15 +214,17 @@ double YamlNode::AsPositiveLengthUpTo(double most, const std::string& why) const
   return length;
 }
 
-double YamlNode::AsSeconds() const {
-  return InUnit({{"ms", 1e-3}, {"s", 1}, {"min", 60}, {"h", 3600}}, 0,
-                "a time is expected: seconds, or e.g. '250 ms'");
+absl::Duration YamlNode::AsTime() const {
+  const std::optional<absl::Duration> time =
+      node_.IsScalar() ? ParseTime(node_.Scalar()) : std::nullopt;
+  if (!time) Fail(std::string("a time is expected: ") + kTimeExamples);
+  return *time;
 }
 
 absl::Duration YamlNode::AsPositiveTime() const {
-  const double seconds = AsSeconds();
-  if (!(seconds > 0)) Fail("a time greater than 0 is expected");
-  return absl::Seconds(seconds);
+  const absl::Duration time = AsTime();
+  if (time <= absl::ZeroDuration()) Fail("a time greater than 0 is expected");
+  return time;
 }
 
 double YamlNode::AsPositive() const {

@@ -64,9 +64,9 @@ class YamlNode {
   // The same, greater than 0.
   double AsPositiveLengthUpTo(double most, const std::string& why) const;
 
-  // A time span: "250 ms", "2 s", "1.5 min"; a number without a unit is seconds.
-  double AsSeconds() const;
-  absl::Duration AsTime() const { return absl::Seconds(AsSeconds()); }
+  // A time span as ParseTime takes it: "250 ms", "1 min 30 s"; a number without a unit is seconds.
+  absl::Duration AsTime() const;
+  double AsSeconds() const { return absl::ToDoubleSeconds(AsTime()); }
   // The same, greater than 0.
   absl::Duration AsPositiveTime() const;
 

@@ -84,12 +84,46 @@ TEST(StrictYaml, BoundsAndChoicesAreChecked) {
   EXPECT_EQ(b, absl::Seconds(7)) << "as it was";
 }
 
+TEST(StrictYaml, WholeNumbersAreDecimal) {
+  EXPECT_EQ(Parse("0").As<int>(), 0);
+  EXPECT_EQ(Parse("-10").As<int>(), -10);
+  for (const char* other : {"010", "0x10", "-010", "1_000", "1e2", ".nan", "''"}) {
+    EXPECT_THAT(ErrorOf([=] { Parse(other).As<int>(); }), HasSubstr("in decimal digits")) << other;
+  }
+}
+
+TEST(StrictYaml, TextThatIsNotUtf8IsNamedByItsLine) {
+  const auto error = [](const std::string& text) {
+    return ErrorOf([&] { YamlNode::FromText(text, "cell.yaml"); });
+  };
+  EXPECT_THAT(error("a: b\nname: M\xfcnchen\n"), HasSubstr("cell.yaml:2: the text is not UTF-8"));
+  EXPECT_EQ(error("a: M\xc3\xbcnchen"), "");
+  EXPECT_EQ(error("\xef\xbb\xbf"
+                  "a: b"),
+            "");
+  EXPECT_EQ(error(std::string("\xff\xfe"
+                              "a\0:\0 \0b\0",
+                              10)),
+            "")
+      << "UTF-16";
+}
+
+TEST(StrictYaml, AMissingKeyThatIsThereMistypedIsNamed) {
+  for (const char* typed : {"veiws", "view", "viewss", "wiews"}) {
+    EXPECT_EQ(ErrorOf([=] { YamlMap(Parse(std::string(typed) + ": 1")).Required("views"); }),
+              "file.yaml:1: unknown key '" + std::string(typed) + "'; did you mean 'views'?");
+  }
+  EXPECT_THAT(ErrorOf([] { YamlMap(Parse("name: 1")).Required("views"); }),
+              HasSubstr("the key 'views' is missing"));
+}
+
 TEST(StrictYaml, AnglesAndTimesTakeUnits) {
   EXPECT_DOUBLE_EQ(Parse("1.5").AsAngle(), 1.5);
   EXPECT_DOUBLE_EQ(Parse("180 deg").AsAngle(), std::numbers::pi);
   EXPECT_DOUBLE_EQ(Parse("-2 rad").AsAngle(), -2);
   EXPECT_DOUBLE_EQ(Parse("250 ms").AsSeconds(), 0.25);
-  EXPECT_DOUBLE_EQ(Parse("2 min").AsSeconds(), 120);
+  EXPECT_DOUBLE_EQ(Parse("1 min 30 s").AsSeconds(), 90);
+  EXPECT_THAT(ErrorOf([] { Parse("5 m").AsSeconds(); }), HasSubstr("units: ms, s, min, h"));
   EXPECT_THAT(ErrorOf([] { Parse("3 turns").AsAngle(); }), HasSubstr("an angle is expected"));
   EXPECT_DOUBLE_EQ(Parse("-50 mm").AsPosition(), -0.05);
   EXPECT_THAT(ErrorOf([] { Parse("90 deg").AsPosition(); }), HasSubstr("a position is expected"));
