@@ -401,7 +401,7 @@ function choose(change) {
 function drawPaths(shown, known) {
   const shownPaths = shown.paths.map((path) => ({
     client: path.client, waypoints: path.waypoint_count, check: path.check,
-    state: known && since() < path.valid_for ? path.state : "unknown",
+    state: known && snapshot.clock + since() < path.valid_until ? path.state : "unknown",
   }));
   fill($("paths"), [shownPaths, shown.path_count, known], () => {
     if (shown.path_count === 0) return [element("li", "quiet", "No client watches a path.")];

@@ -248,15 +248,15 @@ json PathJson(const WatchedPath& path, const Checker& checker, const Moment& now
                 {"waypoint_count", path.request.waypoints_size()},
                 {"check", nullptr},
                 {"state", NameOf(State::kUnknown)},
-                {"valid_for", 0},
+                {"valid_until", 0},  // s, by the server's running clock
                 {"why", nullptr}};
   const std::shared_ptr<const WatchedPath::Told> told = path.told();
   if (told == nullptr) return shown;
   const v1::CheckPathResponse& check = told->response.check();
   shown["check"] = JsonOf(check);
-  const absl::Duration left = DurationFrom(check.basis().valid_for()) - (now.running - told->at);
-  if (left <= absl::ZeroDuration()) return shown;
-  shown["valid_for"] = absl::ToDoubleSeconds(left);
+  const absl::Duration end = told->at + DurationFrom(check.basis().valid_for());
+  if (end <= now.running) return shown;
+  shown["valid_until"] = absl::ToDoubleSeconds(end);
   if (check.verdict().state() == v1::Verdict::STATE_FREE) shown["state"] = NameOf(State::kFree);
   if (check.verdict().state() != v1::Verdict::STATE_OCCUPIED) return shown;
   shown["state"] = NameOf(State::kOccupied);
@@ -349,7 +349,8 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   shown["basis"] = JsonOf(basis);
   shown["regions"] = RegionsJson(served, now);
   shown["blocked"] = blocked == Reason::kNone ? "" : NameOf(blocked);
-  shown["valid_for"] = std::min(absl::ToDoubleSeconds(DurationFrom(basis.valid_for())), 1e9);
+  const absl::Duration end = DurationFrom(basis.server_clock()) + DurationFrom(basis.valid_for());
+  shown["valid_for"] = std::clamp(absl::ToDoubleSeconds(end - now.running), 0.0, 1e9);
   shown["scene"] = nullptr;
   if (served.scene != nullptr) {
     v1::Scene scene;

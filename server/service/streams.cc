@@ -29,7 +29,7 @@ absl::StatusOr<bool> PathWatch::Prepare() {
   update.set_skipped_scenes(ScenesSkipped(last_scene_, scene));
   told_of_ = state;
   last_scene_ = std::max(last_scene_, scene);
-  path_->Note(update, serving().settings.clock().running);
+  path_->Note(update, DurationFrom(update.check().basis().server_clock()));
   serving().watched_paths.CountAnswer();
   update_ = std::move(update);
   return true;

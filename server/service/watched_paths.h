@@ -31,7 +31,7 @@ class WatchedPath {
 
   struct Told {
     v1::WatchPathResponse response;
-    absl::Duration at;  // running clock
+    absl::Duration at;  // running clock, when it was made
   };
   void Note(v1::WatchPathResponse response, absl::Duration at) {
     auto told = std::make_shared<const Told>(Told{std::move(response), at});

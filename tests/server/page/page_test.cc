@@ -126,6 +126,30 @@ TEST_F(PageTest, AWatchedPathIsShownWithThePixelsThatConvictIt) {
   EXPECT_TRUE(Soon([&] { return SeenOn(*page)["paths"].empty(); }));
 }
 
+TEST_F(PageTest, ValidityEndsWithTheAnswerHoweverLongNotingAndShowingItTake) {
+  test.Publish(SceneWithBlock(2));
+  test.clock.Run(absl::Milliseconds(1));
+  v1::CheckPathRequest request;
+  Set(At(0, 4), request.add_waypoints());
+  grpc::ClientContext context;
+  const auto reader = test.collision->WatchPath(&context, request);
+  v1::WatchPathResponse told;
+  ASSERT_TRUE(reader->Read(&told));
+  const auto seconds = [](const google::protobuf::Duration& duration) {
+    return static_cast<double>(duration.seconds()) + 1e-9 * duration.nanos();
+  };
+  const auto end = [&](const v1::Basis& basis) {
+    return seconds(basis.server_clock()) + seconds(basis.valid_for());
+  };
+  const json now = SeenOn(*page);
+  ASSERT_EQ(now["paths"][0]["state"], "free");
+  EXPECT_NEAR(now["paths"][0]["valid_until"], end(told.check().basis()), 1e-6);
+  const auto until = now["clock"].get<double>() + now["valid_for"].get<double>();
+  EXPECT_NEAR(until, end(told.check().basis()), 1e-6) << "the same scene";
+  context.TryCancel();
+  reader->Finish();
+}
+
 TEST_F(PageTest, WhileNobodyLooksNothingIsMade) {
   test.Publish(SceneWithBlock(2));
   std::this_thread::sleep_for(std::chrono::milliseconds(700));

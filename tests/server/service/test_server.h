@@ -26,19 +26,22 @@ class TestClock {
  public:
   Clock clock() {
     return [this] {
-      const absl::Duration passed = absl::Nanoseconds(passed_.load());
+      const absl::Duration passed = absl::Nanoseconds(passed_ += each_);
       return Moment{absl::FromUnixSeconds(1'000'000) + passed + absl::Nanoseconds(set_.load()),
                     passed};
     };
   }
   absl::Time now() { return clock()().time; }
   void Advance(absl::Duration duration) { passed_ += absl::ToInt64Nanoseconds(duration); }
+  // From then on every reading takes so long.
+  void Run(absl::Duration each) { each_ = absl::ToInt64Nanoseconds(each); }
   // Sets the wall clock forward, or back.
   void Set(absl::Duration by) { set_ += absl::ToInt64Nanoseconds(by); }
 
  private:
   std::atomic<int64_t> set_ = 0;
   std::atomic<int64_t> passed_ = 0;
+  std::atomic<int64_t> each_ = 0;
 };
 
 inline void Set(absl::Time time, google::protobuf::Timestamp* message) {
