@@ -59,6 +59,17 @@ std::string YamlOf(const std::string& python) {
   return yaml;
 }
 
+// The dictionary of a file. Throws YamlError, which says where the file seems to be cut off.
+YamlNode DictionaryOf(const std::string& text, const std::string& file) {
+  try {
+    return YamlNode::FromText(YamlOf(text), file);
+  } catch (const YamlError& error) {
+    const size_t last = text.find_last_not_of(" \t\r\n");
+    if (last != std::string::npos && text[last] == '}') throw;
+    throw YamlError(absl::StrCat(error.what(), "; the file is cut off, copy or write it again"));
+  }
+}
+
 storage::v1::CameraModel ReadCamera(const YamlNode& root) {
   YamlMap map(root);
   const YamlNode lens = map.Required("lensmodel");
@@ -186,7 +197,7 @@ std::string CameraFileText(const std::string& lens_model, const std::vector<doub
 absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string& text,
                                                               const std::string& file) {
   try {
-    return ReadCamera(YamlNode::FromText(YamlOf(text), file));
+    return ReadCamera(DictionaryOf(text, file));
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());
   }
@@ -195,7 +206,7 @@ absl::StatusOr<storage::v1::CameraModel> StoredCameraFromText(const std::string&
 absl::StatusOr<std::optional<LensRegion>> LensRegionFromText(const std::string& text,
                                                              const std::string& file) {
   try {
-    return ReadRegion(YamlNode::FromText(YamlOf(text), file));
+    return ReadRegion(DictionaryOf(text, file));
   } catch (const YamlError& error) {
     return InvalidArgument(error.what());
   }

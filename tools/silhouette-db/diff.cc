@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db diff: compares two databases.
-#include <iostream>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -21,23 +23,27 @@ struct DiffOptions {
   std::string second_variant;
   std::string second;
   bool masks_only = false;
+  std::string format = "text";
 };
 
-// Prints the first differences and counts all.
+// Keeps the first differences and counts all.
 class Printer {
  public:
   void Say(const std::string& line) {
-    if (++count_ <= kShown) std::cout << line << "\n";
+    if (++count_ <= kShown) first_.push_back(line);
   }
-  ExitCode Finish() const {
-    if (count_ > kShown) std::cout << "and " << count_ - kShown << " more differences\n";
-    if (count_ == 0) std::cout << "no difference\n";
-    std::cout << std::flush;
+  ExitCode Finish(const std::string& format) const {
+    std::string text;
+    for (const std::string& line : first_) absl::StrAppend(&text, line, "\n");
+    if (count_ > kShown) absl::StrAppend(&text, "and ", count_ - kShown, " more differences\n");
+    if (count_ == 0) text = "no difference\n";
+    PrintResult(format, {{"same", count_ == 0}, {"differences", count_}, {"first", first_}}, text);
     return count_ == 0 ? kDone : kNo;
   }
 
  private:
   uint64_t count_ = 0;
+  std::vector<std::string> first_;
 };
 
 // What differs between two records of a configuration; empty: nothing.
@@ -148,14 +154,14 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
                           first.database->mask_sizes() == second.database->mask_sizes();
   if (!comparable) {
     printer.Say("the robot images cannot be compared: other grids or mask sizes");
-    return printer.Finish();
+    return printer.Finish(options.format);
   }
   if (!options.masks_only) {
     RETURN_IF_ERROR(CompareReferences(first, second, printer));
     RETURN_IF_ERROR(CompareCalibrations(first, second, printer));
   }
   RETURN_IF_ERROR(CompareRecords(first, second, options.masks_only, printer));
-  return printer.Finish();
+  return printer.Finish(options.format);
 }
 
 }  // namespace
@@ -171,6 +177,7 @@ void AddDiff(CLI::App& app, Work& work) {
       "Variant of the second database, if it has another name; both may be one database");
   command.add_flag("--masks-only", options.masks_only,
                    "Ignore capture times, joint values, reference images and calibration");
+  AddFormatOption(command, options.format);
   command.footer(
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
       "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-variant gripper-open");

@@ -17,6 +17,7 @@
 #include "absl/strings/str_split.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "tools/program/joint_values.h"
 #include "tools/silhouette-db/common.h"
@@ -236,9 +237,11 @@ absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
     ASSIGN_OR_RETURN(const double value, ReadJoint(joint.name, "joint '" + joint.name + "'", text));
     const std::optional<double> place = grid_.Place(j, value);
     if (!place) {
-      return absl::InvalidArgumentError(absl::StrCat("joint '", joint.name, "': ", text,
-                                                     " is outside ", joint.lower, " to ",
-                                                     joint.upper, DegreesHint({{value}})));
+      const auto slides = joint_slides_.find(joint.name);
+      const bool is_length = slides != joint_slides_.end() && slides->second;
+      return absl::InvalidArgumentError(
+          absl::StrCat("joint '", joint.name, "': ", text, " is outside ", joint.lower, " to ",
+                       joint.upper, is_length ? " m" : DegreesHint({{value}})));
     }
     if (*place != std::round(*place)) {
       const double step = std::round(*place);

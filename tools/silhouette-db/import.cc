@@ -31,6 +31,7 @@ struct ImportOptions {
   std::string cell;
   std::string database;
   bool replace = false;
+  bool robot_fills_view = false;
 };
 
 // The database of the cell, made if there is none.
@@ -162,6 +163,75 @@ struct ImportSource {
   std::optional<storage::v1::References> references;
 };
 
+// The share of a mask's outermost pixels that are set.
+double ShareOfRim(const Mask& mask) {
+  const MaskSize size = mask.size();
+  int rim = 0;
+  int set = 0;
+  for (int y = 0; y < size.height; ++y) {
+    const bool whole_row = y == 0 || y == size.height - 1;
+    for (int x = 0; x < size.width; x += whole_row ? 1 : std::max(1, size.width - 1)) {
+      ++rim;
+      set += mask.at(x, y) ? 1 : 0;
+    }
+  }
+  return static_cast<double>(set) / rim;
+}
+
+// Whether a view's masks seem to have the robot black and all else white, of which nearly all that
+// stands where the robot is would be free: the robot covers most of each, and most of the rim in
+// all of them.
+class InversionCheck {
+ public:
+  void Take(const RobotImage& image) {
+    if (image.excluded) return;
+    if (always_.empty()) {
+      always_ = image.masks;
+      fills_.assign(always_.size(), true);
+    }
+    for (size_t view = 0; view < always_.size(); ++view) {
+      const Mask& mask = image.masks[view];
+      always_[view] = always_[view] & mask;
+      fills_[view] = fills_[view] && 2 * mask.Count() > mask.size().pixels();
+    }
+  }
+
+  // The first such view.
+  std::optional<size_t> Inverted() const {
+    for (size_t view = 0; view < always_.size(); ++view) {
+      if (fills_[view] && ShareOfRim(always_[view]) > 0.5) return view;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  std::vector<Mask> always_;  // by view: what the robot covers in all masks
+  std::vector<bool> fills_;   // by view: whether it covers more than half of each
+};
+
+// Looks at a sample of the rows; `source` stands at the first one before and after.
+absl::Status RefuseInverted(ImportSource& source, const storage::v1::CellDescription& cell) {
+  constexpr uint64_t kMostRows = 100;
+  const auto begin = source.file.tellg();
+  const uint64_t step = CountLines(source.csv) / kMostRows + 1;
+  InversionCheck check;
+  std::string row;
+  for (uint64_t line = 0; NextLine(source.file, row); ++line) {
+    if (row.empty() || line % step != 0) continue;
+    const absl::StatusOr<RobotImage> image = source.table.Read(row);
+    if (image.ok()) check.Take(*image);  // TakeAll reports the others
+  }
+  source.file.clear();
+  source.file.seekg(begin);
+  const std::optional<size_t> view = check.Inverted();
+  if (!view) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      source.csv, ": the masks of the view '", cell.views(static_cast<int>(*view)).name(),
+      "' seem to be inverted, as they show the robot nearly everywhere: make the robot "
+      "white and all else black, or give --robot-fills-view if the robot does fill the "
+      "view"));
+}
+
 absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& options,
                                     ImportSource& source) {
   const std::string program = absl::StrCat("silhouette-db import ", options.folder);
@@ -169,6 +239,7 @@ absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& option
   if (absl::IsNotFound(opened.status())) opened = whole.CreateVariant(options.variant, program);
   ASSIGN_OR_RETURN(const std::unique_ptr<Database> database, std::move(opened));
   RETURN_IF_ERROR(CheckNotDrawn(*database));
+  if (!options.robot_fills_view) RETURN_IF_ERROR(RefuseInverted(source, whole.cell()));
   ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
   Importer importer(source.csv, *database, writer, options.replace);
   absl::Status status = TakeAll(source.csv, source.table, source.file, importer, writer);
@@ -256,6 +327,8 @@ void AddImport(CLI::App& app, Work& work) {
       ->capture_default_str();
   command.add_flag("--replace", options.replace,
                    "Replace existing records instead of comparing them");
+  command.add_flag("--robot-fills-view", options.robot_fills_view,
+                   "Import masks that show the robot nearly everywhere, as inverted ones would");
   command.footer(
       "configurations.csv has a column per joint of the grid, by its name (radians, or 30deg, or\n"
       "0.2m), and one per view with the path of a PNG mask, relative to the CSV: the robot white,\n"

@@ -40,6 +40,13 @@ struct Findings {
   CollisionIndexSummary index;
   std::vector<std::string> faults;
 
+  // An empty one is not sound, but nothing in it is wrong.
+  const char* Word() const {
+    if (faults.empty()) return "sound";
+    return captured + excluded + damaged == 0 && faults.size() == 1 && missing > 0 ? "empty"
+                                                                                   : "not sound";
+  }
+
   void Add(const Findings& other) {
     captured += other.captured;
     excluded += other.excluded;
@@ -251,6 +258,13 @@ absl::Status CheckCompleteness(const Database& database, const Snapshot& snapsho
   const uint64_t wanted = drawn ? ConfigurationsOf(*drawn, grid) : grid.size();
   findings.missing = wanted - std::min(records, wanted);
   if (findings.missing == 0 || allow_missing) return absl::OkStatus();
+  if (records == 0 && !drawn) {
+    findings.faults.push_back(absl::StrCat(
+        "there are no robot images: capture them (silhouette-capture run) or import them; a cell "
+        "with 'images: drawn' needs none, once its model is verified (silhouette-capture "
+        "verify-model) or where the server may draw it --unverified"));
+    return absl::OkStatus();
+  }
   std::vector<ConfigurationNumber> first;
   for (ConfigurationNumber number = 0; number < grid.number_limit() && first.size() < 3; ++number) {
     if (!grid.Contains(number) || (drawn && !HasTile(*drawn, number / kTileSize))) continue;
@@ -329,7 +343,7 @@ void AppendVariant(const std::string& database, const std::string& of, const Fin
   absl::StrAppend(&text, of,
                   absl::StrCat(findings.captured, " captured, ", findings.excluded, " excluded, ",
                                findings.damaged, " damaged, ", findings.missing,
-                               " missing: ", findings.faults.empty() ? "sound\n" : "not sound\n"));
+                               " missing: ", findings.Word(), "\n"));
 }
 
 absl::StatusOr<ExitCode> Verify(const VerifyOptions& options) {

@@ -280,7 +280,14 @@ TEST_F(CalibrationProgram, EveryMistakeIsOneSentenceAndChangesNothing) {
   EXPECT_THAT(refusal("import db back=cameras/top.cameramodel cameras/left.cameramodel"),
               AllOf(HasSubstr("'back=cameras/top.cameramodel'"), HasSubstr("left, top")));
   std::filesystem::create_directories(folder_ / "empty");
-  EXPECT_THAT(refusal("import db empty"), HasSubstr("empty/left.cameramodel"));
+  EXPECT_THAT(refusal("import db empty"),
+              HasSubstr("view 'left' has no camera model in the folder 'empty'; add "
+                        "left.cameramodel, too"));
+  const std::string whole = Read("cameras/left.cameramodel");
+  Write("cut.cameramodel", whole.substr(0, whole.size() / 2));
+  EXPECT_THAT(refusal("import db left=cut.cameramodel cameras/top.cameramodel"),
+              AllOf(HasSubstr("view 'left': cut.cameramodel:"),
+                    HasSubstr("the file is cut off, copy or write it again")));
   // A model for images that the view does not have.
   EXPECT_THAT(
       refusal("import db left=cameras/top.cameramodel top=cameras/top.cameramodel"),

@@ -223,7 +223,7 @@ TEST_F(SilhouetteDb, VerifyIsContentWithACompleteDatabase) {
 TEST_F(SilhouetteDb, VerifyMissesNoRobotImagesThatAreDrawnWhenServed) {
   const std::string path = folder_ / "db";
   const auto database = Database::Create(path, TestCell(6, 5)).value();
-  EXPECT_THAT(Run("verify db").out, HasSubstr("30 of 30 configurations are missing"));
+  EXPECT_THAT(Run("verify db").out, HasSubstr("there are no robot images"));
   ASSERT_TRUE(database->SetVerification(storage::v1::ModelVerification(), "test").ok());
   const Ended drawn = Run("verify db");
   EXPECT_EQ(drawn.exit_code, 0) << drawn.out;
@@ -387,7 +387,10 @@ TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
   const std::string table = Read("out/configurations.csv");
   Write("out/configurations.csv", table.substr(0, table.find('\n', table.size() / 2) + 1));
   EXPECT_EQ(Run("import --cell cell.yaml --database copy out").exit_code, 0);
-  EXPECT_EQ(Run("diff db copy").exit_code, 1);
+  const Ended differs = Run("diff db copy --format json");
+  EXPECT_EQ(differs.exit_code, 1);
+  EXPECT_EQ(Json::parse(differs.out)["same"], false);
+  EXPECT_THAT(Json::parse(differs.out)["first"][0], HasSubstr("only in the first"));
   Write("out/configurations.csv", table);
   const Ended again = Run("import --cell cell.yaml --database copy out");
   EXPECT_EQ(again.exit_code, 0) << again.err;
@@ -433,6 +436,47 @@ TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
   EXPECT_TRUE((*image)->measured.empty());
   EXPECT_TRUE((**(*database)->Read()->Find(NumberAt(0, 2))).excluded);
   EXPECT_EQ((*database)->Read()->size(), 2);
+}
+
+TEST_F(SilhouetteDb, ImportRefusesMasksThatAreInverted) {
+  Write("cell.yaml", kTestCellFile);
+  std::string table = "axis_1,axis_2,left,top\n";
+  // The robot stands at the lower rim, as it mostly does.
+  for (const int i : {0, 1, 2}) {
+    const Mask left = Mask::FromPredicate(
+        {64, 64}, [i](int x, int y) { return y < 30 || std::abs(x - 20 - 10 * i) > 5; });
+    Write(absl::StrCat("left", i, ".png"), EncodeMaskPng(left));
+    absl::StrAppend(&table, -1 + 0.5 * i, ",-1,left", i, ".png,t.png\n");
+  }
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
+  Write("configurations.csv", table);
+  const Ended refused = Run("import . --cell cell.yaml --database db");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("configurations.csv: the masks of the view 'left' seem "
+                                           "to be inverted"),
+                                 HasSubstr("or give --robot-fills-view")));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "db"));
+  const Ended taken = Run("import . --cell cell.yaml --database db --robot-fills-view");
+  EXPECT_EQ(taken.exit_code, 0) << taken.err;
+  EXPECT_THAT(taken.out, HasSubstr("3 records imported"));
+}
+
+TEST_F(SilhouetteDb, WhatIsPrintedToAClosedStreamIsWrittenIntoNoFile) {
+  MakeDatabase("from");
+  ASSERT_EQ(Run("export from out").exit_code, 0);
+  Write("cell.yaml", kTestCellFile);
+  EXPECT_EQ(Run("import out --cell cell.yaml --database db <&- >&- 2>&-").exit_code, 3)
+      << "the output is lost";
+  EXPECT_THAT(ContentOf(folder_ / "db/writer.lock"), Not(HasSubstr("import")));
+  EXPECT_EQ(Run("verify db --allow-missing").exit_code, 0);
+}
+
+TEST_F(SilhouetteDb, VerifyCallsADatabaseWithoutRobotImagesEmpty) {
+  ASSERT_TRUE(Database::Create(folder_ / "db", TestCell(6, 5)).ok());
+  const Ended text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.out, AllOf(HasSubstr("there are no robot images: capture them"),
+                              HasSubstr("30 missing: empty\n"), Not(HasSubstr("sound"))));
 }
 
 TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {

@@ -58,8 +58,10 @@ absl::StatusOr<ViewFile> ViewFileOf(const std::string& input, const CellDescript
                    ViewsOf(cell), "; say VIEW=FILE"));
 }
 
-// One file per view, in the order of the views.
+// One file per view, in the order of the views. `folder`: where all of them should be; empty: they
+// were named one by one.
 absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::string>& inputs,
+                                                     const std::string& folder,
                                                      const CellDescription& cell) {
   std::vector<std::string> files(static_cast<size_t>(cell.views_size()));
   for (const std::string& input : inputs) {
@@ -74,19 +76,30 @@ absl::StatusOr<std::vector<std::string>> FilesByView(const std::vector<std::stri
   }
   for (int i = 0; i < cell.views_size(); ++i) {
     if (!files[static_cast<size_t>(i)].empty()) continue;
-    return absl::InvalidArgumentError(absl::StrCat("view '", cell.views(i).name(),
-                                                   "' has no camera model; give ",
-                                                   CameraFileName(cell.views(i).name()), ", too"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "view '", cell.views(i).name(), "' has no camera model",
+        folder.empty() ? "; give " : absl::StrCat(" in the folder '", folder, "'; add "),
+        CameraFileName(cell.views(i).name()), ", too"));
   }
   return files;
 }
 
-absl::Status AddCameras(const std::vector<std::string>& files,
+absl::StatusOr<storage::v1::CameraModel> CameraIn(const std::string& file) {
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  return StoredCameraFromText(text, file);
+}
+
+// `files`: by view.
+absl::Status AddCameras(const std::vector<std::string>& files, const CellDescription& cell,
                         storage::v1::Calibration& calibration) {
-  for (const std::string& file : files) {
-    ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
-    ASSIGN_OR_RETURN(storage::v1::CameraModel camera, StoredCameraFromText(text, file));
-    *calibration.add_cameras() = std::move(camera);
+  for (size_t i = 0; i < files.size(); ++i) {
+    absl::StatusOr<storage::v1::CameraModel> camera = CameraIn(files[i]);
+    if (!camera.ok()) {
+      return absl::Status(camera.status().code(),
+                          absl::StrCat("view '", cell.views(static_cast<int>(i)).name(),
+                                       "': ", camera.status().message()));
+    }
+    *calibration.add_cameras() = *std::move(camera);
   }
   return absl::OkStatus();
 }
@@ -103,24 +116,27 @@ absl::StatusOr<storage::v1::Calibration> ReadYaml(const std::string& file,
   for (std::string& camera : session.camera_files) {
     camera = (fs::path(file).parent_path() / camera).string();
   }
-  RETURN_IF_ERROR(AddCameras(session.camera_files, session.calibration));
+  RETURN_IF_ERROR(AddCameras(session.camera_files, cell, session.calibration));
   return std::move(session.calibration);
 }
 
 absl::StatusOr<storage::v1::Calibration> ReadCameras(const std::vector<std::string>& inputs,
                                                      const CellDescription& cell) {
   std::vector<std::string> named = inputs;
+  std::string folder;
   if (inputs.size() == 1 && fs::is_directory(inputs[0])) {
     const std::string session = (fs::path(inputs[0]) / kSessionFileName).string();
     if (fs::exists(session)) return ReadYaml(session, cell);
+    folder = inputs[0];
     named.clear();
     for (const storage::v1::View& view : cell.views()) {
-      named.push_back((fs::path(inputs[0]) / CameraFileName(view.name())).string());
+      const fs::path file = fs::path(folder) / CameraFileName(view.name());
+      if (fs::exists(file)) named.push_back(file.string());
     }
   }
-  ASSIGN_OR_RETURN(const std::vector<std::string> files, FilesByView(named, cell));
+  ASSIGN_OR_RETURN(const std::vector<std::string> files, FilesByView(named, folder, cell));
   storage::v1::Calibration calibration;
-  RETURN_IF_ERROR(AddCameras(files, calibration));
+  RETURN_IF_ERROR(AddCameras(files, cell, calibration));
   return calibration;
 }
 
