@@ -115,10 +115,6 @@ class ReachFinder {
   std::vector<std::vector<Ball>> balls_;  // by link
 };
 
-absl::Status NoSuchJoint(const RobotModel& robot, const std::string& name) {
-  return InvalidArgument("the robot '", robot.name(), "' has no joint '", name, "'");
-}
-
 // Whether link `outer` is `inner` or hangs on it.
 bool IsOutboard(const RobotModel& robot, size_t inner, size_t outer) {
   for (int link = static_cast<int>(outer); link >= 0;
@@ -139,12 +135,12 @@ absl::StatusOr<KnownJoints> Find(const RobotModel& robot, std::span<const std::s
   KnownJoints known;
   for (const std::string& name : moving) {
     const std::optional<size_t> found = robot.JointIndex(name);
-    if (!found) return NoSuchJoint(robot, name);
+    if (!found) return robot.NoJoint(name);
     known.joints.insert(*found);
   }
   for (const FixedJoint& at : fixed) {
     const std::optional<size_t> found = robot.JointIndex(at.name);
-    if (!found) return NoSuchJoint(robot, at.name);
+    if (!found) return robot.NoJoint(at.name);
     known.joints.insert(*found);
     known.positions[*found] = at.position;
   }
@@ -176,7 +172,7 @@ absl::StatusOr<double> Reach(const RobotModel& robot, const std::string& joint,
                              double payload_radius) {
   RETURN_IF_ERROR(RequireRadius(payload_radius));
   const std::optional<size_t> index = robot.JointIndex(joint);
-  if (!index) return NoSuchJoint(robot, joint);
+  if (!index) return robot.NoJoint(joint);
   ASSIGN_OR_RETURN(const KnownJoints known, Find(robot, moving, fixed));
   const ReachFinder finder(robot, known.positions, payload_radius);
   // By link: what the joint moves its points, and those of all outboard, by itself or by what

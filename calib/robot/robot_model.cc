@@ -40,6 +40,12 @@ std::optional<size_t> RobotModel::JointIndex(const std::string& name) const {
 }
 
 absl::Status RobotModel::NoJoint(const std::string& name) const {
+  const auto mimicking = followed_.find(name);
+  if (mimicking != followed_.end()) {
+    return InvalidArgument("the joint '", name, "' of the robot '", name_, "' follows '",
+                           mimicking->second,
+                           "' (mimic) and has no value of its own; leave it out");
+  }
   return InvalidArgument("the robot '", name_, "' has no joint '", name, "'; it has ",
                          NamesOf(joints_));
 }

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -99,6 +100,10 @@ class RobotModel {
   // Index in joints(); nothing if there is none of that name.
   std::optional<size_t> JointIndex(const std::string& name) const;
 
+  // InvalidArgument: that no joint of this name moves by itself, which joint it follows if it
+  // mimics one, and which joints there are.
+  absl::Status NoJoint(const std::string& name) const;
+
   // Every link stands after its parent; the first is the base.
   const std::vector<RobotLink>& links() const { return links_; }
   // By link, whether none hangs on it: tool and payload do.
@@ -128,10 +133,10 @@ class RobotModel {
  private:
   friend class UrdfReader;
   RobotModel() = default;
-  absl::Status NoJoint(const std::string& name) const;
 
   std::string name_;
   std::vector<RobotJoint> joints_;
+  std::map<std::string, std::string> followed_;  // by joint that mimics another: which it follows
   std::vector<RobotLink> links_;
   KinematicChain chain_{{}, {}};  // of all joints
 };

@@ -187,6 +187,7 @@ class UrdfReader {
            "' limits, with type=\"revolute\"");
     }
     link.joint = static_cast<int>(*index);
+    model_.followed_[name] = joint->name;
     KeepWithin(mimic.joint, link, model_.joints_[*index]);
   }
 

@@ -34,9 +34,9 @@ absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& ce
     const std::string field = absl::StrCat("joints[", i, "]: ");
     const std::string& name = joints[i].name;
     if (std::find(known.begin(), known.end(), name) == known.end()) {
-      return absl::InvalidArgumentError(absl::StrCat(field, "the cell has no joint '", name,
-                                                     "'; its joints are ",
-                                                     absl::StrJoin(known, ", ")));
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, "the cell has no joint '", name, "'; its joints are ",
+                       absl::StrJoin(known, ", "), "; leave out those that follow others (mimic)"));
     }
     if (!std::isfinite(joints[i].position)) {
       return absl::InvalidArgumentError(

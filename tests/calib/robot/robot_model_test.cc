@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <numbers>
 #include <tuple>
 #include <variant>
@@ -492,6 +493,22 @@ TEST(RobotModel, MeshThatGitLfsHasNotFetchedIsNamedWithTheMend) {
   WriteFile(folder / "link.stl", "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n");
   const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", WithMesh("link.stl")));
   EXPECT_THAT(std::string(robot.status().message()), HasSubstr("git lfs pull"));
+}
+
+TEST(RobotModel, AJointThatFollowsAnotherIsSaidToFollowIt) {
+  const std::string urdf = TestFolder() / "r.urdf";
+  std::ofstream(urdf) << "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>"
+                         "<joint name='j' type='prismatic'><parent link='a'/><child link='b'/>"
+                         "<mimic joint='k'/></joint>"
+                         "<joint name='k' type='prismatic'><parent link='a'/><child link='c'/>"
+                         "<limit lower='0' upper='1'/></joint></robot>";
+  const auto robot = RobotModel::FromUrdf(urdf);
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  const std::vector<std::string> names = {"k", "j"};
+  const std::vector<double> values = {0.5, 0.5};
+  EXPECT_EQ(robot->Positions(names, values).status().message(),
+            "the joint 'j' of the robot 'r' follows 'k' (mimic) and has no value of its own; "
+            "leave it out");
 }
 
 TEST(RobotModel, MimicsOfWhatTheyCannotAreNamed) {

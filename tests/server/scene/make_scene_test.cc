@@ -373,7 +373,9 @@ TEST_F(MakeSceneTest, RefusesATimeInTheFutureByMoreThanTheTolerance) {
 
 TEST_F(MakeSceneTest, RefusesUnknownRepeatedAndInfiniteJoints) {
   input.joints[1].name = "c";
-  EXPECT_EQ(Refusal(), "joints[1]: the cell has no joint 'c'; its joints are a, b, lift");
+  EXPECT_EQ(Refusal(),
+            "joints[1]: the cell has no joint 'c'; its joints are a, b, lift; leave out "
+            "those that follow others (mimic)");
   input.joints[1].name = "a";
   EXPECT_EQ(Refusal(), "joints[1]: joint 'a' is given twice");
   input.joints[1] = {"b", std::nan("")};
