@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-bench-load ADDRESS CLIENTS KIND: clients that ask a server all they can until they are
-// killed or their parent ends, at the least priority, as if they were on other machines. KIND:
-// paths, checks, explain or watches. Writes a byte to its output for every client, when it is first
-// answered.
+// killed or their parent ends, at the least priority, as if they were on other machines. Writes a
+// byte to its output for every client, when it is first answered.
 #include <grpcpp/create_channel.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <csignal>
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <random>
@@ -18,8 +17,11 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
 #include "silhouette/v1/collision_service.grpc.pb.h"
 #include "silhouette/v1/database_service.grpc.pb.h"
+#include "tools/program/program.h"
 
 namespace silhouette::benchmarks {
 namespace {
@@ -102,24 +104,38 @@ void AskOnAndOn(const std::string& address, const Ask& ask) {
   }
 }
 
-int Run(const std::string& address, int count, const std::string& kind) {
-  const std::map<std::string, Ask (*)(const v1::Grid&)> kinds = {
-      {"paths", AskPaths}, {"checks", AskChecks}, {"explain", AskWhy}, {"watches", Watch}};
-  const auto chosen = kinds.find(kind);
-  if (chosen == kinds.end()) return 2;
+const std::map<std::string, Ask (*)(const v1::Grid&)> kKinds = {
+    {"paths", AskPaths}, {"checks", AskChecks}, {"explain", AskWhy}, {"watches", Watch}};
+
+absl::StatusOr<ExitCode> Run(const std::string& address, int count, const std::string& kind) {
   grpc::ClientContext context;
   v1::GetDatabaseResponse database;
-  if (!v1::DatabaseService::NewStub(
-           grpc::CreateChannel(address, grpc::InsecureChannelCredentials()))
-           ->GetDatabase(&context, {}, &database)
-           .ok()) {
-    return 3;
+  const grpc::Status status =
+      v1::DatabaseService::NewStub(grpc::CreateChannel(address, grpc::InsecureChannelCredentials()))
+          ->GetDatabase(&context, {}, &database);
+  if (!status.ok()) {
+    return absl::UnavailableError(
+        absl::StrCat("the server at ", address, " does not answer: ", status.error_message()));
   }
   setpriority(PRIO_PROCESS, 0, 19);
-  const Ask ask = chosen->second(database.grid());
+  const Ask ask = kKinds.at(kind)(database.grid());
   std::vector<std::jthread> clients;
   for (int i = 0; i < count; ++i) clients.emplace_back(AskOnAndOn, address, ask);
-  return 0;
+  return kDone;
+}
+
+int RunLoad(int argc, char** argv) {
+  CLI::App app("Asks a server all it can, for silhouette-bench, until it is killed.",
+               "silhouette-bench-load");
+  std::string address;
+  int clients = 1;
+  std::string kind;
+  app.add_option("address", address, "Address of silhouette-server: host:port, unix:path")
+      ->required();
+  app.add_option("clients", clients, "How many ask")->required()->check(CLI::Range(1, 1000));
+  app.add_option("kind", kind, "What they ask")->required()->check(CLI::IsMember(kKinds));
+  app.footer("Example:\n  silhouette-bench-load 127.0.0.1:50051 24 checks");
+  return RunProgram(app, argc, argv, [&] { return Run(address, clients, kind); });
 }
 
 }  // namespace
@@ -127,5 +143,5 @@ int Run(const std::string& address, int count, const std::string& kind) {
 
 int main(int argc, char** argv) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  return argc == 4 ? silhouette::benchmarks::Run(argv[1], std::atoi(argv[2]), argv[3]) : 2;
+  return silhouette::benchmarks::RunLoad(argc, argv);
 }

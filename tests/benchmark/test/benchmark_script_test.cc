@@ -76,6 +76,22 @@ TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
   }
 }
 
+TEST(BenchmarkScript, ItsProgramsHaveHelpWithAnExampleAndAVersion) {
+  for (const char* program : {"silhouette-bench", "silhouette-bench-load"}) {
+    const std::string path = ProgramFolder() + "/" + program;
+    const Ended help = Shell().Run(path + " --help");
+    EXPECT_EQ(help.exit_code, 0) << program;
+    EXPECT_THAT(help.out, HasSubstr(std::string("Example:\n  ") + program));
+    const Ended version = Shell().Run(path + " --version");
+    EXPECT_EQ(version.exit_code, 0) << program;
+    EXPECT_THAT(version.out, HasSubstr(std::string(program) + " "));
+  }
+  const Ended mistake =
+      Shell().Run(ProgramFolder() + "/silhouette-bench-load unix:nowhere 1 guesses 2>&1");
+  EXPECT_EQ(mistake.exit_code, 2);
+  EXPECT_THAT(mistake.out, HasSubstr("guesses"));
+}
+
 TEST(BenchmarkScript, MistakesAreTheUsersAndHelpIsHelp) {
   const Shell shell;
   const auto expect = [&](const std::string& arguments, int exit_code, const char* said) {
