@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/picture/files.h"
 
+#include <unistd.h>
+
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -51,7 +53,9 @@ absl::Status RefusePipe(const std::string& path) {
       absl::StrCat("'", path, "' is a pipe or device; name a file"));
 }
 
-absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
+namespace {
+
+absl::Status WriteInPlace(const std::string& path, std::string_view bytes) {
   errno = 0;
   std::ofstream file(path, std::ios::binary | std::ios::trunc);
   if (!file) return FileError(errno, path, "written");
@@ -59,6 +63,30 @@ absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
   file.flush();
   if (!file) return FileError(errno, path, "written");
   return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
+  std::error_code error;
+  const bool is_new = !std::filesystem::exists(path, error);
+  const auto there = std::filesystem::symlink_status(path, error);
+  const bool replaces = std::filesystem::is_regular_file(there) && access(path.c_str(), W_OK) == 0;
+  if (!replaces) {
+    const absl::Status status = WriteInPlace(path, bytes);
+    if (!status.ok() && is_new) std::filesystem::remove(path, error);
+    return status;
+  }
+  // What was there stays if the disk is full, and is whole at every moment.
+  const std::string beside = path + ".new";
+  if (const absl::Status status = WriteInPlace(beside, bytes); !status.ok()) {
+    std::filesystem::remove(beside, error);
+    const bool folder_is_closed = absl::IsFailedPrecondition(status);
+    return folder_is_closed ? WriteInPlace(path, bytes) : status;
+  }
+  std::filesystem::permissions(beside, there.permissions(), error);
+  std::filesystem::rename(beside, path, error);
+  return error ? FileError(error.value(), path, "written") : absl::OkStatus();
 }
 
 absl::Status MakeFolder(const std::string& path) {

@@ -16,7 +16,8 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
 // FailedPrecondition, naming it, of a pipe or device, which may never end.
 absl::Status RefusePipe(const std::string& path);
 
-// Overwrites. Besides the errors above: ResourceExhausted if the disk is full.
+// Overwrites; a file that was there stays as it is unless all is written. Besides the errors above:
+// ResourceExhausted if the disk is full.
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes);
 
 // Makes the folder and those that it is in, as far as they are not there. FailedPrecondition if

@@ -3,7 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
+#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/picture/files.h"
@@ -16,6 +19,24 @@ namespace {
 using testing::HasSubstr;
 
 std::string TempFile(const std::string& name) { return (TestFolder() / name).string(); }
+
+TEST(Files, AFileThatCannotBeWrittenWholeStaysAsItWas) {
+  const std::string path = TestFolder() / "plan.json";
+  ASSERT_TRUE(WriteWholeFile(path, "the old one").ok());
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{.rlim_cur = 100, .rlim_max = before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const absl::Status status = WriteWholeFile(path, std::string(1000, 'x'));
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_FALSE(status.ok());
+  EXPECT_EQ(*ReadWholeFile(path), "the old one");
+  EXPECT_FALSE(std::filesystem::exists(path + ".new"));
+  ASSERT_TRUE(WriteWholeFile(path, "the new one").ok());
+  EXPECT_EQ(*ReadWholeFile(path), "the new one");
+}
 
 TEST(MaskPng, RoundTripsEverySize) {
   Random random;
