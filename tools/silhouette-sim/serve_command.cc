@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-sim serve: the devices of the simulated cell on the network, as those of a real cell.
+#include <cstdlib>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -30,15 +31,32 @@ struct ServeArguments {
   FaultArguments faults;
 };
 
-// Where a robot stands before a capture: the first configuration that it may be in.
+// Where a robot stands before a capture: the configuration nearest to the middle of the grid, in
+// grid steps, that it may be in.
 absl::Status PlaceRobot(const Workplace& workplace, SimulatedCell& simulation) {
   const Travel travel(workplace.cell.grid, workplace.cell.capture.forbidden_regions);
+  const ConfigurationGrid& grid = travel.grid();
+  const auto from_middle = [&](ConfigurationNumber number) {
+    const GridIndex index = *grid.IndexOf(number);
+    int sum = 0;
+    for (int j = 0; j < grid.dimensions(); ++j) {
+      const auto place = static_cast<size_t>(j);
+      sum += std::abs(2 * index[place] - (grid.joints()[place].steps - 1));
+    }
+    return sum;
+  };
+  std::optional<ConfigurationNumber> nearest;
+  int least = 0;
   for (const ConfigurationNumber number : travel.Serpentine()) {
     if (travel.Forbidden(number)) continue;
-    const auto positions = workplace.Positions(travel.grid().At(number));
-    if (positions.ok()) simulation.SetPositions(*positions);
-    return positions.status();
+    const int distance = from_middle(number);
+    if (nearest && distance >= least) continue;
+    nearest = number;
+    least = distance;
   }
+  if (!nearest) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto positions, workplace.Positions(grid.At(*nearest)));
+  simulation.SetPositions(positions);
   return absl::OkStatus();
 }
 
@@ -106,11 +124,10 @@ void AddFaultOptions(CLI::App& command, FaultArguments& faults) {
   command.add_option("--after-images", faults.after_images, "Begin after this many sets of images")
       ->check(NumberFromZero())
       ->capture_default_str();
-  command
-      .add_option("--fault-time", faults.seconds,
-                  "How long the faults last, in seconds; 0: for good")
-      ->check(NumberFromZero())
-      ->capture_default_str();
+  TakeTimes(
+      command.add_option("--fault-time", faults.seconds, "How long the faults last; 0: for good"),
+      0, 1e6)
+      ->default_str("0");
 }
 
 }  // namespace
