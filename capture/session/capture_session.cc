@@ -27,6 +27,7 @@
 #include "capture/session/reference_images.h"
 #include "capture/session/sentinels.h"
 #include "capture/session/visitor.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -55,7 +56,7 @@ absl::Status WithPatience(absl::Duration retry, const std::function<absl::Status
   if (!absl::IsUnavailable(status) || retry <= absl::ZeroDuration()) return status;
   const absl::Duration begin = RunningNow();
   ++report.losses;
-  observer.say(absl::StrCat(status.message(), "; waiting up to ", absl::FormatDuration(retry),
+  observer.say(absl::StrCat(status.message(), "; waiting up to ", SpokenTime(retry),
                             " for it to come back"));
   while (absl::IsUnavailable(status) && RunningNow() - begin < retry) {
     lost();
@@ -64,7 +65,7 @@ absl::Status WithPatience(absl::Duration retry, const std::function<absl::Status
   }
   const absl::Duration waited = RunningNow() - begin;
   report.waited += waited;
-  const std::string spoken = absl::FormatDuration(absl::Trunc(waited, absl::Milliseconds(100)));
+  const std::string spoken = SpokenTime(absl::Trunc(waited, absl::Milliseconds(100)));
   if (absl::IsUnavailable(status)) {
     return absl::UnavailableError(
         absl::StrCat(status.message(), "; it did not come back within ", spoken));

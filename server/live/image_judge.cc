@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "common/times/times.h"
 #include "server/scene/make_scene.h"
 
 namespace silhouette {
@@ -32,19 +33,18 @@ absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image, 
   const Moment stamp = MomentOf(image.captured, asked, arrived);
   const absl::Duration age = arrived.running - stamp.running;
   if (age < -kClockTolerance) {
-    return absl::OutOfRangeError(absl::StrCat("its image is stamped ", absl::FormatDuration(-age),
+    return absl::OutOfRangeError(absl::StrCat("its image is stamped ", SpokenTime(-age),
                                               " in the future; let the clocks of camera and "
                                               "server agree"));
   }
   if (age > max_age_) {
-    return absl::DeadlineExceededError(
-        absl::StrCat("its image was taken ", absl::FormatDuration(age),
-                     " ago, longer than max_age, ", absl::FormatDuration(max_age_)));
+    return absl::DeadlineExceededError(absl::StrCat("its image was taken ", SpokenTime(age),
+                                                    " ago, longer than max_age, ",
+                                                    SpokenTime(max_age_)));
   }
   const absl::Duration taken = std::min(stamp.running, arrived.running);
   if (taken < known.newest - kClockJitter) {
-    return absl::AbortedError(absl::StrCat("its image was taken ",
-                                           absl::FormatDuration(known.newest - taken),
+    return absl::AbortedError(absl::StrCat("its image was taken ", SpokenTime(known.newest - taken),
                                            " before one that came earlier"));
   }
   news_ = news_ || taken > known.newest + kClockJitter;

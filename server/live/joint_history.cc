@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/session/cell_robot.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "server/live/helpers.h"
 #include "server/scene/robot_in_scene.h"
@@ -58,7 +59,7 @@ absl::StatusOr<std::span<const JointHistory::Sample>> JointHistory::Around(
     absl::Duration first, absl::Duration last) const {
   const auto after = std::ranges::lower_bound(samples_, last, {}, &Sample::asked);
   const auto later = std::ranges::upper_bound(samples_, first, {}, &Sample::answered);
-  const std::string near = absl::StrCat("within ", absl::FormatDuration(settings_.gap));
+  const std::string near = absl::StrCat("within ", SpokenTime(settings_.gap));
   if (later == samples_.begin() || first - std::prev(later)->asked > settings_.gap) {
     return absl::UnavailableError(
         absl::StrCat("the robot did not report its joints ", near, " before the images"));

@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/times/times.h"
 #include "server/scene/make_scene.h"
 
 namespace silhouette {
@@ -70,7 +71,7 @@ absl::StatusOr<std::string> KnownVariant::Of(absl::Duration oldest,
   if (oldest - kClockTolerance < since_) {
     return absl::FailedPreconditionError(
         absl::StrCat("the robot has the variant '", variant_, "' in images taken from ",
-                     absl::FormatDuration(kClockTolerance), " after it was sent; wait for those"));
+                     SpokenTime(kClockTolerance), " after it was sent; wait for those"));
   }
   return variant_;
 }

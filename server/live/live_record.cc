@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/times/times.h"
 #include "server/scene/scene.h"
 
 namespace silhouette {
@@ -58,9 +59,7 @@ std::string Spoken(const LatencyFigures& figures) {
                          absl::ToDoubleMilliseconds(figures.p99));
 }
 
-std::string Aged(absl::Duration age) {
-  return absl::FormatDuration(absl::Trunc(age, absl::Milliseconds(1)));
-}
+std::string Aged(absl::Duration age) { return SpokenTime(absl::Trunc(age, absl::Milliseconds(1))); }
 
 // `view`: empty for the robot.
 std::string TitleOf(const std::string& view) {

@@ -9,6 +9,7 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "common/times/times.h"
 
 namespace silhouette {
 
@@ -106,7 +107,7 @@ absl::StatusOr<AllowedRegion> AllowedRegions::Allow(const std::string& name,
   if (!(duration > absl::ZeroDuration()) || duration > kLongest) {
     return absl::InvalidArgumentError(
         absl::StrCat("duration: a region is in force for more than 0 s and at most ",
-                     absl::FormatDuration(kLongest), ", not ", absl::FormatDuration(duration)));
+                     SpokenTime(kLongest), ", not ", SpokenTime(duration)));
   }
   if (std::none_of(pixels.begin(), pixels.end(),
                    [](const std::optional<Mask>& mask) { return mask && !mask->Empty(); })) {

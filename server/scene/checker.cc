@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/times/times.h"
 
 namespace silhouette {
 
@@ -58,9 +59,8 @@ std::optional<std::string> CalibrationDoubt(const Served& served, const Moment& 
   if (!(now.running < trust.until)) {
     const absl::Duration age =
         absl::Trunc(now.running - trust.until + trust.max_age, absl::Milliseconds(1));
-    return absl::StrCat("the check is ", absl::FormatDuration(age),
-                        " old; calibration_check: max_age is ", absl::FormatDuration(trust.max_age),
-                        kCheckAgain);
+    return absl::StrCat("the check is ", SpokenTime(age), " old; calibration_check: max_age is ",
+                        SpokenTime(trust.max_age), kCheckAgain);
   }
   if (trust.fingerprint != database.calibration_fingerprint()) {
     const std::string& ours = database.calibration_fingerprint();

@@ -21,6 +21,7 @@
 #include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/difference.h"
 #include "common/picture/camera_image.h"
+#include "common/times/times.h"
 #include "db/mask/mask.h"
 #include "db/status/status_macros.h"
 #include "server/scene/robot_in_scene.h"
@@ -106,7 +107,7 @@ absl::StatusOr<Moment> CaptureOf(const ViewInput& input, const Moment& arrived) 
   const Moment captured = input.captured.value_or(arrived);
   if (captured.running <= arrived.running + kClockTolerance) return captured;
   return absl::InvalidArgumentError(
-      absl::StrCat("capture_time is ", absl::FormatDuration(captured.running - arrived.running),
+      absl::StrCat("capture_time is ", SpokenTime(captured.running - arrived.running),
                    " in the future; let the clocks of camera and server agree"));
 }
 
@@ -225,8 +226,8 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
   if (scene.skew > settings.max_skew) {
     scene.defects.push_back(
         {Reason::kSceneSkewed,
-         absl::StrCat("the images were taken ", absl::FormatDuration(scene.skew),
-                      " apart, more than max_skew, ", absl::FormatDuration(settings.max_skew),
+         absl::StrCat("the images were taken ", SpokenTime(scene.skew),
+                      " apart, more than max_skew, ", SpokenTime(settings.max_skew),
                       "; trigger the cameras together")});
   }
   std::ranges::move(DefectsOfViews(database, settings, conditions, covers, scene),

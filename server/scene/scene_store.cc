@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/times/times.h"
 
 namespace silhouette {
 
@@ -60,9 +61,9 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
   if (!scenes_.empty()) {
     const absl::Duration older = OlderBy(scene, *scenes_.back());
     if (older > kClockJitter) {
-      return absl::FailedPreconditionError(
-          absl::StrCat("the images are ", absl::FormatDuration(older),
-                       " older than those of scene ", scenes_.back()->id, ", which is served"));
+      return absl::FailedPreconditionError(absl::StrCat("the images are ", SpokenTime(older),
+                                                        " older than those of scene ",
+                                                        scenes_.back()->id, ", which is served"));
     }
   }
   return Add(std::move(scene));

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "common/times/times.h"
 #include "server/live/live_record.h"
 #include "server/scene/checker.h"
 
@@ -17,11 +18,10 @@ std::vector<SceneDefect> DefectsOf(const Scene& scene, const ServingSettings& se
   if (age <= settings.scene.max_age) return defects;
   const std::string why =
       settings.live == nullptr ? "publish a new scene" : FaultsOf(settings.live->StatusOfDevices());
-  defects.push_back({Reason::kSceneStale,
-                     absl::StrCat("the oldest image is ",
-                                  absl::FormatDuration(absl::Trunc(age, absl::Milliseconds(1))),
-                                  " old, older than max_age, ",
-                                  absl::FormatDuration(settings.scene.max_age), "; ", why)});
+  defects.push_back(
+      {Reason::kSceneStale,
+       absl::StrCat("the oldest image is ", SpokenTime(absl::Trunc(age, absl::Milliseconds(1))),
+                    " old, older than max_age, ", SpokenTime(settings.scene.max_age), "; ", why)});
   return defects;
 }
 

@@ -276,7 +276,7 @@ absl::StatusOr<std::unique_ptr<Metrics>> Metrics::Start(const std::string& addre
   } catch (const std::exception& error) {
     return absl::FailedPreconditionError(absl::StrCat("metrics: cannot listen on ", address, " (",
                                                       error.what(),
-                                                      "); say a host as a number, as "
+                                                      "); say a host as an IPv4 number, as "
                                                       "127.0.0.1:9464"));
   }
 }

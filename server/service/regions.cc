@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "server/service/messages.h"
 
@@ -35,8 +36,8 @@ absl::Status Answer(Serving& serving, const std::string& who, const v1::AllowReg
                    serving.scenes.Allow(request.name(), std::move(pixels),
                                         DurationFrom(request.duration()), arrived, database));
   const std::string what =
-      absl::StrCat("'", region.name, "' for ", absl::FormatDuration(region.end - arrived.running),
-                   ": ", PixelCounts(region, *database));
+      absl::StrCat("'", region.name, "' for ", SpokenTime(region.end - arrived.running), ": ",
+                   PixelCounts(region, *database));
   spdlog::info("{} allows region {}", who, what);
   serving.Audit(who, "region.allow", what);
   ToMessage(region, *database, serving.settings.clock(), response->mutable_region());

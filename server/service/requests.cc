@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "server/service/calls.h"
 
@@ -53,7 +54,7 @@ absl::StatusOr<std::optional<Moment>> CaptureFrom(const v1::ViewImage& message,
   const absl::Duration ago = arrived.running - clock;
   if (ago < absl::ZeroDuration()) {
     return absl::OutOfRangeError(
-        absl::StrCat(field, ".server_clock: it is ", absl::FormatDuration(-ago),
+        absl::StrCat(field, ".server_clock: it is ", SpokenTime(-ago),
                      " in the future; the server's computer was restarted since the caller read "
                      "its clock: read it again"));
   }

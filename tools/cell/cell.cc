@@ -15,6 +15,7 @@
 #include "calib/robot/robot_model.h"
 #include "capture/session/travel.h"
 #include "capture/verification/samples.h"
+#include "common/times/times.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
@@ -184,19 +185,6 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
   return ReachBox(*cell.robot.model, moving, cell.fixed_joints, cell.robot.payload_radius);
 }
-
-namespace {
-
-// "8 min 20 s"
-std::string SpokenTime(absl::Duration time) {
-  const double seconds = absl::ToDoubleSeconds(time);
-  if (seconds < 60) return absl::StrFormat("%g s", seconds);
-  const double rest = std::fmod(seconds, 60);
-  return absl::StrFormat("%.0f min", (seconds - rest) / 60) +
-         (rest == 0 ? "" : absl::StrFormat(" %g s", rest));
-}
-
-}  // namespace
 
 std::vector<std::string> Doubts(const Cell& cell) {
   constexpr absl::Duration kOld = absl::Seconds(10);

@@ -83,13 +83,17 @@ std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit,
           ParseJointValue(text.substr(equals + 1), unit, slides)};
 }
 
-std::string DegreesHint(std::span<const double> radians, std::string_view or_else) {
+std::string DegreesHint(std::span<const double> values, std::string_view or_else,
+                        std::span<const std::optional<bool>> slides) {
   constexpr double kNoAngle = 4 * std::numbers::pi;  // joints hardly turn twice
   constexpr double kMost = 720;
-  const auto seems_degrees = [](double value) {
-    return std::abs(value) > kNoAngle && std::abs(value) <= kMost;
-  };
-  if (std::ranges::none_of(radians, seems_degrees)) return "";
+  bool seems_degrees = false;
+  for (size_t i = 0; i < values.size(); ++i) {
+    const bool turns = i >= slides.size() || !slides[i].value_or(false);
+    const double size = std::abs(values[i]);
+    seems_degrees = seems_degrees || (turns && size > kNoAngle && size <= kMost);
+  }
+  if (!seems_degrees) return "";
   return absl::StrCat(" (joint values are radians; did you mean degrees? Write 90deg",
                       View(or_else), ")");
 }

@@ -38,7 +38,9 @@ std::pair<std::string, double> ParseJoint(std::string_view text,
                                           std::optional<bool> slides = std::nullopt);
 
 // What to add where values in radians are outside a grid: a question if degrees seem to be meant,
-// else nothing. `or_else`: what else mends it, as ", or give --degrees".
-std::string DegreesHint(std::span<const double> radians, std::string_view or_else = "");
+// else nothing. `or_else`: what else mends it, as ", or give --degrees"; `slides`: of each joint,
+// whose values are metres then.
+std::string DegreesHint(std::span<const double> values, std::string_view or_else = "",
+                        std::span<const std::optional<bool>> slides = {});
 
 }  // namespace silhouette

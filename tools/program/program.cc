@@ -1,20 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/program.h"
 
+#include <fcntl.h>
 #include <poll.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/time.h"
+#include "common/times/times.h"
 #include "common/yaml/strict_yaml.h"
 #include "tools/program/joint_values.h"
 
@@ -95,6 +103,16 @@ void RequireNumbers(CLI::App& command) {
   for (CLI::App* sub : command.get_subcommands(all)) RequireNumbers(*sub);
 }
 
+// Opens standard input, output and error where they are closed, so that no file of the program
+// takes their place: what is printed would be written into it. Writing them fails, as before.
+void OpenClosedStreams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(stream, F_GETFD) == -1 && errno == EBADF && open("/dev/null", O_RDONLY) != stream) {
+      std::_Exit(kWorldFailed);
+    }
+  }
+}
+
 // Whether standard output is a pipe that nothing reads any more, as after `head`.
 bool ReaderIsGone() {
   pollfd out{.fd = STDOUT_FILENO, .events = POLLOUT, .revents = 0};
@@ -144,6 +162,7 @@ void EndOnLostPages(const std::string& program) {
 }
 
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run) {
+  OpenClosedStreams();
   EndOnLostPages(app.get_name());
   std::signal(SIGXFSZ, SIG_IGN);  // a file above `ulimit -f` is an error of the write
   app.set_version_flag("--version", app.get_name() + " " + kVersion);
@@ -207,6 +226,21 @@ CLI::Validator ByteSize() {
         }
       },
       kSizeType);
+}
+
+CLI::Option* TakeTimes(CLI::Option* option, double least, double most) {
+  const auto to_seconds = [least, most](std::string& text) {
+    const std::optional<absl::Duration> time = ParseTime(text);
+    if (!time) return absl::StrCat("'", text, "' is not a time; write ", kTimeExamples);
+    const double seconds = absl::ToDoubleSeconds(*time);
+    if (!(seconds >= least && seconds <= most)) {
+      return absl::StrCat("'", text, "' is not from ", SpokenTime(absl::Seconds(least)), " to ",
+                          SpokenTime(absl::Seconds(most)));
+    }
+    text = absl::StrFormat("%.17g", seconds);
+    return std::string();
+  };
+  return option->transform(CLI::Validator(to_seconds, /*description=*/""))->type_name("TIME");
 }
 
 CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what) {

@@ -35,10 +35,10 @@ ExitCode Report(const std::string& program, const absl::Status& status);
 // fails) ends the process with one sentence on stderr and kWorldFailed. RunProgram calls it.
 void EndOnLostPages(const std::string& program);
 
-// Adds --version, parses, and returns what `run` returns. A wrong command line, also a number that
-// is not decimal and finite, is one sentence on stderr and kUserMistake; --help and --version go to
-// stdout with kDone. An exception that leaves `run` is one sentence too: std::invalid_argument
-// kUserMistake, any other kWorldFailed.
+// Opens standard streams that are closed, adds --version, parses, and returns what `run` returns. A
+// wrong command line, also a number that is not decimal and finite, is one sentence on stderr and
+// kUserMistake; --help and --version go to stdout with kDone. An exception that leaves `run` is one
+// sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
 
 // What a chosen subcommand does. RunProgram reports an error status and returns its exit code.
@@ -51,6 +51,9 @@ CLI::Validator PositiveNumber();
 CLI::Validator NumberFromZero();
 // Takes "8GB", "512MiB" and so on, and makes bytes of it: option->transform(ByteSize()).
 CLI::Validator ByteSize();
+// Lets an option that holds seconds take times as ParseTime does, from `least` to `most` seconds.
+// Where zero means something else than no time, the option's description says so.
+CLI::Option* TakeTimes(CLI::Option* option, double least, double most);
 
 // Adds --picture FILE to `command`, a PNG file.
 CLI::Option* AddPictureOption(CLI::App& command, std::string& picture, const std::string& what);

@@ -440,10 +440,9 @@ void AddDetectCommand(CLI::App& program, Run& run) {
           "has moved")
       ->needs(cell)
       ->check(CLI::Range(1, 100000));
-  command->add_option("--interval", a->interval, "Live: seconds between sets")
+  TakeTimes(command->add_option("--interval", a->interval, "Live: time between sets"), 0, 3600)
       ->needs(cell)
-      ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
+      ->default_str("1 s");
   command->add_option("--save", a->save, "Live: keep the images in this folder, one folder a view")
       ->needs(cell);
   command

@@ -123,11 +123,12 @@ absl::StatusOr<MovingJoint> ParseRange(const std::string& text, const RobotModel
   }
   const auto index = robot.JointIndex(sides[0]);
   if (!index) {
-    return InvalidArgument("--joint ", text, ": the robot has no joint '", sides[0], "'");
+    return InvalidArgument("--joint ", text, ": ", robot.NoJoint(sides[0]).message());
   }
-  const double lower = ParseJointValue(bounds[0]);
-  const double upper = ParseJointValue(bounds[1]);
   const RobotJoint& joint = robot.joints()[*index];
+  const bool slides = joint.type == JointType::kPrismatic;
+  const double lower = ParseJointValue(bounds[0], AngleUnit::kRadians, slides);
+  const double upper = ParseJointValue(bounds[1], AngleUnit::kRadians, slides);
   if (!(lower <= upper && lower >= joint.lower && upper <= joint.upper)) {
     return InvalidArgument("--joint ", text,
                            ": the bounds are not in order, or beyond the joint's ", joint.lower,

@@ -73,10 +73,7 @@ absl::StatusOr<std::vector<MovingJoint>> MovingJoints(const InitOptions& options
     const std::pair<std::string, std::string> parts = absl::StrSplit(text, absl::MaxSplits('=', 1));
     const auto index = robot.JointIndex(parts.first);
     if (!index) {
-      std::vector<std::string> names;
-      for (const RobotJoint& joint : robot.joints()) names.push_back(joint.name);
-      return InvalidArgument("--joint ", text, ": the robot has no joint of this name; it has ",
-                             absl::StrJoin(names, ", "));
+      return InvalidArgument("--joint ", text, ": ", robot.NoJoint(parts.first).message());
     }
     std::string range;
     if (!parts.second.empty()) {
@@ -87,7 +84,9 @@ absl::StatusOr<std::vector<MovingJoint>> MovingJoints(const InitOptions& options
       }
       for (size_t i = 0; i < 2; ++i) {
         std::string bound = bounds[i];
-        const std::string hint = DegreesHint({{ParseJointValue(bound)}});
+        const bool slides = robot.joints()[*index].type == JointType::kPrismatic;
+        const double value = ParseJointValue(bound, AngleUnit::kRadians, slides);
+        const std::string hint = slides ? "" : DegreesHint({{value}});
         if (!hint.empty()) {
           return InvalidArgument("--joint ", text, ": ", bound, " is more than two turns", hint);
         }

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "capture/session/capture_session.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
@@ -68,8 +69,8 @@ void WriteBegin(const RunOptions& options, const CellFile& file, const CapturePl
       plan.captures.size(), plan.kept, Spoken(plan.duration), ClockTime(now + plan.duration, now)));
   log.Write(absl::StrFormat(
       "settle %s, joint_tolerance %g, %d sentinels every %s, retry %s, keep_free %.0f MB",
-      absl::FormatDuration(settings.settle), settings.joint_tolerance, settings.sentinels.count,
-      absl::FormatDuration(settings.sentinels.every), absl::FormatDuration(settings.retry),
+      SpokenTime(settings.settle), settings.joint_tolerance, settings.sentinels.count,
+      SpokenTime(settings.sentinels.every), SpokenTime(settings.retry),
       static_cast<double>(settings.keep_free) / 1e6));
   if (!room.Suffices(plan)) log.Write(TooLittleRoom(plan, room));
 }

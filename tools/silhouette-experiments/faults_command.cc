@@ -96,8 +96,8 @@ void AddFaultsCommand(CLI::App& program, Run& run) {
   command->add_option("--minutes", arguments->watch.minutes, "Of simulated time")
       ->check(CLI::Range(0.1, 10000.0))
       ->capture_default_str();
-  command->add_option("--interval", arguments->watch.interval, "Seconds from scene to scene")
-      ->check(CLI::Range(0.01, 100.0))
+  TakeTimes(command->add_option("--interval", arguments->watch.interval, "From scene to scene"),
+            0.01, 100)
       ->capture_default_str();
   command->add_option("--people", arguments->watch.people, "Who walk about")
       ->check(CLI::Range(0, 20))

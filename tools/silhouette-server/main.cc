@@ -33,6 +33,7 @@
 #include "capture/session/travel.h"
 #include "common/log/log_lines.h"
 #include "common/picture/files.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "server/audit/audit_log.h"
 #include "server/gate/credentials.h"
@@ -238,8 +239,8 @@ void WarnOfLatency(const Cell& cell) {
         "and "
         "is stale meanwhile: state a greater 'server: max_age' than {}, or the camera's latency if "
         "it is less",
-        view.name, absl::FormatDuration(latency), absl::FormatDuration(2 * latency),
-        absl::FormatDuration(cell.server.scene.max_age));
+        view.name, SpokenTime(latency), SpokenTime(2 * latency),
+        SpokenTime(cell.server.scene.max_age));
   }
 }
 
@@ -397,7 +398,7 @@ absl::Status Serve(const Options& options, Signals& signals) {
     }
   }
   sd_notify(0, "STOPPING=1");
-  spdlog::info("stopping; calls in flight may take {} more", absl::FormatDuration(kGrace));
+  spdlog::info("stopping; calls in flight may take {} more", SpokenTime(kGrace));
   live.reset();
   page.reset();
   server->Stop(kGrace);

@@ -16,8 +16,9 @@ void AddWorkplaceOptions(CLI::App& command, WorkplaceArguments& arguments, bool 
   command.add_option("--cell", arguments.cell, "The cell's file, cell.yaml")->required();
   command.add_option("--scene", arguments.scene, "The obstacles' file, obstacles.yaml")
       ->required(scene_required);
-  command.add_option("--time", arguments.time, "When to look at moving obstacles, in seconds")
-      ->capture_default_str();
+  TakeTimes(command.add_option("--time", arguments.time, "When to look at moving obstacles"), 0,
+            1e6)
+      ->default_str("0 s");
   command
       .add_option("--variant", arguments.variant,
                   "What the robot carries: that of this variant ('parts' of the "

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette/commands.h"
 
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "silhouette/v1/database_service.pb.h"
 #include "tools/silhouette/formats/inputs.h"
@@ -28,9 +29,10 @@ void AddServerOptions(CLI::App& program, Session& session) {
       ->envname("SILHOUETTE_TLS_CERTIFICATE");
   program.add_option("--tls-key", session.tls.key, "PEM file of its private key")
       ->envname("SILHOUETTE_TLS_KEY");
-  program.add_option("--timeout", session.timeout, "Seconds that the server may take to answer")
-      ->check(CLI::Range(0.001, 1e6))
-      ->capture_default_str();
+  TakeTimes(
+      program.add_option("--timeout", session.timeout, "Time that the server may take to answer"),
+      0.001, 1e6)
+      ->default_str("10 s");
 }
 
 void AddVerdictOptions(CLI::App& command, Session& session) {
@@ -82,13 +84,14 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
       what + " without a unit are degrees, of joints that slide metres");
 }
 
-std::string UnitHint(const Session& session, const std::vector<Configuration>& configurations,
+std::string UnitHint(const Session& session, TypedJoints& joints,
+                     const std::vector<Configuration>& configurations,
                      const std::vector<client::Verdict>& verdicts) {
   std::string hint;
   for (size_t i = 0; i < verdicts.size() && hint.empty(); ++i) {
     if (session.unit == AngleUnit::kDegrees) break;
     if (verdicts[i].reason != client::Reason::kOutsideGrid) continue;
-    hint = DegreesHint(configurations[i], ", or give --degrees");
+    hint = DegreesHint(configurations[i], ", or give --degrees", joints.Slides());
   }
   return hint;
 }
@@ -103,17 +106,15 @@ void AddResolutionOption(CLI::App& command, std::optional<double>& resolution) {
 CLI::Option* AddTimeOption(CLI::App& command, const std::string& name,
                            std::optional<absl::Duration>& time, const std::string& what) {
   const auto parse = [](const std::string& text) {
-    absl::Duration parsed;
-    const bool is_time = absl::ParseDuration(text, &parsed) && parsed > absl::ZeroDuration() &&
-                         parsed != absl::InfiniteDuration();
-    return is_time ? std::optional(parsed) : std::nullopt;
+    const std::optional<absl::Duration> parsed = ParseTime(text);
+    return parsed > absl::ZeroDuration() ? parsed : std::nullopt;
   };
   return command
       .add_option_function<std::string>(
           name, [&time, parse](const std::string& text) { time = parse(text); }, what)
       ->check([parse](const std::string& text) {
         return parse(text) ? std::string()
-                           : "'" + text + "' is not a time above 0; write e.g. 30s, 1m30s or 500ms";
+                           : "'" + text + "' is not a time above 0; write " + kTimeExamples;
       })
       ->option_text("TIME");
 }

@@ -14,6 +14,7 @@
 #include "silhouette/client.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/program.h"
+#include "tools/silhouette/formats/typed_joints.h"
 
 namespace silhouette {
 
@@ -49,13 +50,14 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
 
 // What to add to the verdicts on configurations: whether degrees are meant where one is outside the
 // grid.
-std::string UnitHint(const Session& session, const std::vector<Configuration>& configurations,
+std::string UnitHint(const Session& session, TypedJoints& joints,
+                     const std::vector<Configuration>& configurations,
                      const std::vector<client::Verdict>& verdicts);
 
 // --resolution, of CheckPath, metres.
 void AddResolutionOption(CLI::App& command, std::optional<double>& resolution);
 
-// A time above 0: "30s", "1m30s", "500ms".
+// A time above 0, as ParseTime takes it.
 CLI::Option* AddTimeOption(CLI::App& command, const std::string& name,
                            std::optional<absl::Duration>& time, const std::string& what);
 

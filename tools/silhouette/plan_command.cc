@@ -172,7 +172,7 @@ Json PlanJsonOf(const Findings& findings) {
   return json;
 }
 
-std::string PlanTextOf(const Session& session, const Findings& findings) {
+std::string PlanTextOf(const Session& session, TypedJoints& joints, const Findings& findings) {
   const Plan& plan = findings.search.plan;
   std::string text;
   if (findings.found()) {
@@ -181,10 +181,10 @@ std::string PlanTextOf(const Session& session, const Findings& findings) {
     for (const Configuration& q : plan.waypoints) absl::StrAppend(&text, "  ", Spoken(q), "\n");
     absl::StrAppend(&text, Spoken(*findings.check), ", ", Spoken(findings.check->basis), "\n");
   } else {
-    text = absl::StrCat(
-        "no path: ", OutcomeText(findings),
-        UnitHint(session, {findings.start, findings.goal}, {findings.at_start, findings.at_goal}),
-        "\n");
+    text = absl::StrCat("no path: ", OutcomeText(findings),
+                        UnitHint(session, joints, {findings.start, findings.goal},
+                                 {findings.at_start, findings.at_goal}),
+                        "\n");
   }
   if (!findings.truth) return text;
   const Judgement judgement = Judge(findings.space, *findings.truth);
@@ -234,7 +234,7 @@ absl::StatusOr<ExitCode> PlanUnlessStopped(const Session& session, const PlanArg
   if (!arguments.out.empty()) status = WritePath(findings, arguments.out);
   if (!arguments.picture.empty()) status.Update(PlanWritePicture(findings, arguments.picture));
   if (!status.ok()) return status;
-  PrintResult(session.format, PlanJsonOf(findings), PlanTextOf(session, findings));
+  PrintResult(session.format, PlanJsonOf(findings), PlanTextOf(session, joints, findings));
   return findings.found() ? kDone : kNo;
 }
 

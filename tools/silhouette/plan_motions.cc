@@ -126,8 +126,9 @@ absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& cli
             {"places_checked", plan.check ? Json(plan.check->checked) : Json()},
             {"hidden_possible", plan.check ? Json(plan.check->verdict.hidden_possible) : Json()}};
   json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
+  TypedJoints typed(session.unit, [&] { return database; });
   PrintResult(session.format, json,
-              MotionPlanText(plan, UnitHint(session, {start, goal}, plan.ends.verdicts)));
+              MotionPlanText(plan, UnitHint(session, typed, {start, goal}, plan.ends.verdicts)));
   return plan.found() ? kDone : kNo;
 }
 

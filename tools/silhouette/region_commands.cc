@@ -94,7 +94,8 @@ void AddAllowCommand(CLI::App& region, Session& session) {
                    "VIEW=FILE: an image of the mask's size, white where the region lies; may be "
                    "given several times")
       ->allow_extra_args(false);
-  AddTimeOption(*command, "--for", arguments->duration, "How long: 30s, 1m30s, 500ms")->required();
+  AddTimeOption(*command, "--for", arguments->duration, "How long: 30s, 1min30s, 500ms")
+      ->required();
   AddFormatOption(*command, session.format);
   command->footer(
       "In the region obstacles are unknown: they neither count nor prove that nothing is there.\n"
@@ -132,6 +133,8 @@ void AddRegionCommands(CLI::App& program, Session& session) {
   CLI::App* region = program.add_subcommand(
       "region", "Where obstacles are allowed for a while, such as around a part to be grasped");
   region->require_subcommand(1);
+  region->footer(
+      "Example:\n  silhouette region allow part 'left:20,30;28,30;28,40;20,40' --for 30s");
   region->fallthrough();
   AddAllowCommand(*region, session);
   AddRevokeCommand(*region, session);

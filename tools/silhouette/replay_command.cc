@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
 #include "common/recording/recording.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "silhouette/messages.h"
 #include "tools/program/program.h"
@@ -44,13 +45,13 @@ absl::StatusOr<absl::Time> TimeIn(const ReplayArguments& arguments,
   absl::Time time;
   std::string error;
   if (absl::ParseTime(absl::RFC3339_full, arguments.at, &time, &error)) return time;
-  absl::Duration after;
-  if (!absl::ParseDuration(arguments.at, &after)) {
+  const std::optional<absl::Duration> after = ParseTime(arguments.at);
+  if (!after) {
     return InvalidArgument("--at ", arguments.at,
                            ": give a time, 2026-01-31T12:00:00Z, or one after the beginning of the "
-                           "file, 12.5s");
+                           "file, 12.5s or '1 min 30 s'");
   }
-  return summary.start + after;
+  return summary.start + *after;
 }
 
 // What can be read of the file; says what is lost.
@@ -197,7 +198,7 @@ absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
 // Why everything was unknown then, whatever the preset; empty: it was not.
 std::string UnknownThen(const RecordedMoment& moment) {
   if (!moment.scene) {
-    return absl::StrCat("no scene is recorded in the ", absl::FormatDuration(kLongest),
+    return absl::StrCat("no scene is recorded in the ", SpokenTime(kLongest),
                         " before that moment");
   }
   if (!moment.state) return "what held beside the scene is not recorded";

@@ -261,6 +261,7 @@ void AddSceneCommands(CLI::App& program, Session& session) {
   CLI::App* scene =
       program.add_subcommand("scene", "What the cameras see: publish it, or look at it");
   scene->require_subcommand(1);
+  scene->footer("Example:\n  silhouette scene publish images/ && silhouette scene show");
   scene->fallthrough();
   AddPublishCommand(*scene, session);
   AddShowCommand(*scene, session);

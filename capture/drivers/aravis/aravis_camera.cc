@@ -13,6 +13,7 @@
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/aravis/aravis_device.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -125,7 +126,7 @@ class GenicamCamera : public CameraSource {
     }
     overdue_ = true;  // what was asked for may still come
     return absl::DeadlineExceededError(
-        absl::StrCat("no image within ", absl::FormatDuration(source_.timeout),
+        absl::StrCat("no image within ", SpokenTime(source_.timeout),
                      source_.trigger == CameraTrigger::kHardware
                          ? absl::StrCat("; does the trigger's pulse reach its ", source_.line, "?")
                          : ""));

@@ -15,6 +15,7 @@
 #include "capture/drivers/grpc/driver_status.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/camera_image.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "proto/tls/channel_credentials.h"
 #include "silhouette/v1/camera_driver.grpc.pb.h"
@@ -40,11 +41,10 @@ absl::StatusOr<absl::Time> CaptureTime(const v1::DriverImage& image, absl::Time 
       google::protobuf::util::TimeUtil::TimestampToNanoseconds(image.capture_time()));
   if (said < begin - kClockTolerance || said > end + kClockTolerance) {
     const bool before = said < begin;
-    return absl::FailedPreconditionError(
-        absl::StrCat("an image says that it was taken ",
-                     absl::FormatDuration(before ? begin - said : said - end),
-                     before ? " before it was asked for" : " after it came",
-                     "; it is an old one, or the clocks of the two machines differ"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "an image says that it was taken ", SpokenTime(before ? begin - said : said - end),
+        before ? " before it was asked for" : " after it came",
+        "; it is an old one, or the clocks of the two machines differ"));
   }
   return std::clamp(said, begin, end);
 }
@@ -130,8 +130,7 @@ class GrpcCameras : public CameraSource {
     const absl::Status status = DriverStatus(kDriver, address_, call->status);
     if (absl::IsDeadlineExceeded(status) || absl::IsCancelled(status)) {
       return absl::DeadlineExceededError(absl::StrCat("no images from the camera driver at ",
-                                                      address_, " within ",
-                                                      absl::FormatDuration(timeout_)));
+                                                      address_, " within ", SpokenTime(timeout_)));
     }
     if (!status.ok()) return status;
     if (call->response.images_size() != static_cast<int>(views_.size())) {

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "capture/devices/running_clock.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -99,7 +100,7 @@ void FeedbackRobot::StopWhenAlarmed() {
 
 absl::Status FeedbackRobot::Silence(absl::Duration now) {
   const auto spoken = [](absl::Duration silence) {
-    return absl::FormatDuration(absl::Trunc(silence, absl::Milliseconds(10)));
+    return SpokenTime(absl::Trunc(silence, absl::Milliseconds(10)));
   };
   const bool silent = now - newest_time_ > limits_.silence;
   silence_told_ = silence_told_ || silent;
@@ -120,8 +121,8 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
                     [&] { return newest_.has_value() || !link_failure_.ok(); });
   if (!alarm_.ok()) return alarm_;
   if (link_failure_.ok() && !newest_) {
-    return absl::UnavailableError(absl::StrCat("the robot did not report its position within ",
-                                               absl::FormatDuration(limits_.silence)));
+    return absl::UnavailableError(
+        absl::StrCat("the robot did not report its position within ", SpokenTime(limits_.silence)));
   }
   RETURN_IF_ERROR(Silence(RunningNow()));
   return *newest_;

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/times/times.h"
 
 namespace silhouette {
 namespace {
@@ -137,14 +138,13 @@ absl::Status MotionWatch::CheckTime(absl::Duration now) const {
   if (now - last_progress_ > limits_.patience) {
     return absl::DeadlineExceededError(absl::StrFormat(
         "the robot did not arrive: it has not moved on for %s, and %s",
-        absl::FormatDuration(absl::Trunc(now - last_progress_, absl::Milliseconds(100))),
-        WhereItIs()));
+        SpokenTime(absl::Trunc(now - last_progress_, absl::Milliseconds(100))), WhereItIs()));
   }
   const absl::Duration longest = 2 * duration_ + limits_.patience;
   if (now - begin_ > longest) {
-    return absl::DeadlineExceededError(absl::StrFormat(
-        "the robot did not arrive within %s: %s",
-        absl::FormatDuration(absl::Trunc(longest, absl::Milliseconds(100))), WhereItIs()));
+    return absl::DeadlineExceededError(
+        absl::StrFormat("the robot did not arrive within %s: %s",
+                        SpokenTime(absl::Trunc(longest, absl::Milliseconds(100))), WhereItIs()));
   }
   return absl::OkStatus();
 }

@@ -133,7 +133,7 @@ TEST_F(GigeCamera, LostPacketsAreToldAndNoImageComesLate) {
   cameras_->LosePackets(1);
   const absl::Status status = set->Grab().status();
   EXPECT_TRUE(absl::IsDeadlineExceeded(status));
-  EXPECT_THAT(status.message(), HasSubstr("the camera of the view 'top': no image within 2s"));
+  EXPECT_THAT(status.message(), HasSubstr("the camera of the view 'top': no image within 2 s"));
   EXPECT_GE(set->counts()[0].lost, 1u);
   cameras_->LosePackets(0);
   Turn(2);

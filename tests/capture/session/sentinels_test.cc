@@ -307,7 +307,7 @@ TEST_F(SentinelsTest, LostCameraIsWaitedFor) {
   EXPECT_TRUE(report.complete()) << report.status;
   EXPECT_EQ(report.losses, 1u);
   EXPECT_GT(report.waited, absl::ZeroDuration());
-  EXPECT_THAT(said_, Contains(HasSubstr("view 'top' gave no image; waiting up to 20s")));
+  EXPECT_THAT(said_, Contains(HasSubstr("view 'top' gave no image; waiting up to 20 s")));
   EXPECT_THAT(said_.back(), HasSubstr("it is back, after"));
 }
 

@@ -88,7 +88,7 @@ TEST_F(PageRegions, ARegionOfThePageIsOneOfTheApi) {
   EXPECT_TRUE(SeenOn(*page)["regions"].empty());
   EXPECT_TRUE(Soon([&] { return AuditText().find("region.revoke") != std::string::npos; }));
   EXPECT_THAT(AuditText(), testing::AllOf(HasSubstr("page 127.0.0.1"), HasSubstr("region.allow"),
-                                          HasSubstr("'part' for 10s")));
+                                          HasSubstr("'part' for 10 s")));
 }
 
 TEST_F(PageRegions, AnEndedRegionIsNotShown) {
@@ -138,7 +138,7 @@ TEST_F(PageRegions, NothingThatAnotherSiteCanSendAllowsARegion) {
 
 TEST_F(PageRegions, LimitsAreThoseOfTheApi) {
   EXPECT_EQ(Post(kAllow, Part("601s")), 400);
-  EXPECT_THAT(said, HasSubstr("10m"));
+  EXPECT_THAT(said, HasSubstr("10 min"));
   EXPECT_EQ(Post(kAllow, Part("0s")), 400);
   json request = json::parse(Part());
   request["views"][0]["view"] = "behind";

@@ -151,7 +151,7 @@ TEST_F(AllowedRegionTest, WhatCannotBeARegionIsRefused) {
   EXPECT_THAT(message("two\nlines", BlockPixels(3), absl::Seconds(1)), HasSubstr("printable"));
   EXPECT_THAT(message(std::string(65, 'x'), BlockPixels(3), absl::Seconds(1)), HasSubstr("name"));
   EXPECT_THAT(message("part", BlockPixels(3), absl::ZeroDuration()), HasSubstr("duration"));
-  EXPECT_THAT(message("part", BlockPixels(3), absl::Minutes(11)), HasSubstr("at most 10m"));
+  EXPECT_THAT(message("part", BlockPixels(3), absl::Minutes(11)), HasSubstr("at most 10 min"));
   EXPECT_THAT(message("part", BlockPixels(3, 0), absl::Seconds(1)), HasSubstr("no pixel"));
   for (size_t i = 0; i < AllowedRegions::kMost; ++i) {
     ASSERT_TRUE(Allow("region " + std::to_string(i), BlockPixels(3), absl::Seconds(1)).ok());

@@ -52,7 +52,7 @@ TEST(SceneStore, OlderImagesThanThoseServedAreRefused) {
       store.Publish(SceneStoreSceneOf(*database, kStart - absl::Milliseconds(3)), database);
   EXPECT_TRUE(absl::IsFailedPrecondition(older.status()));
   EXPECT_EQ(older.status().message(),
-            "the images are 3ms older than those of scene 1, which is served");
+            "the images are 3 ms older than those of scene 1, which is served");
   EXPECT_EQ(store.Newest(kSceneStoreNow).scene->id, 1u);
   EXPECT_TRUE(store.Publish(SceneStoreSceneOf(*database, kStart), database).ok()) << "equally old";
 }
@@ -77,7 +77,7 @@ TEST(SceneStore, NewerImagesAreServedThoughAnotherViewsImageIsLate) {
   EXPECT_TRUE(absl::IsFailedPrecondition(publish({ms(-300), ms(-250), ms(-250)}).status()));
   const auto same = publish({ms(-200), ms(-200), ms(-700)});
   EXPECT_EQ(same.status().message(),
-            "the images are 500ms older than those of scene 3, which is served");
+            "the images are 500 ms older than those of scene 3, which is served");
 }
 
 TEST(SceneStore, WallClockThatIsSetNeitherRefusesNewImagesNorMakesOldOnesYoung) {

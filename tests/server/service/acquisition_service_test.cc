@@ -94,8 +94,8 @@ TEST_F(AcquisitionServiceTest, ReasonNamesTheDeviceAndWhatItDoes) {
   record->NoteImageError(1, absl::UnavailableError("cable pulled"));
   record->NoteJoints(Now());
   const std::string stale = the_defect(v1::Verdict::REASON_SCENE_STALE);
-  EXPECT_THAT(stale, AllOf(HasSubstr("2s old"), HasSubstr("camera 'right' does not serve: cable"),
-                           HasSubstr("camera 'top' does not serve: the last image came 2s ago")));
+  EXPECT_THAT(stale, AllOf(HasSubstr("2 s old"), HasSubstr("camera 'right' does not serve: cable"),
+                           HasSubstr("camera 'top' does not serve: the last image came 2 s ago")));
   EXPECT_THAT(stale, Not(AnyOf(HasSubstr("'left'"), HasSubstr("robot"), HasSubstr("publish"))));
 }
 

@@ -150,7 +150,7 @@ TEST_F(CalibrationTrustTest, ACheckThatIsTooOldSaysHowOld) {
   server.clock.Advance(absl::Milliseconds(750));
   server.Publish(EmptyCellScene());
   ExpectDoubt(trust,
-              "the check is 6.25s old; calibration_check: max_age is 6s; run "
+              "the check is 6.25 s old; calibration_check: max_age is 6 s; run "
               "'silhouette-calibrate check' again");
 }
 

@@ -165,7 +165,7 @@ TEST_F(RegionService, WhatCannotBeARegionIsRefusedAndChangesNothing) {
   bad.clear_duration();
   EXPECT_THAT(refusal(bad), HasSubstr("duration"));
   bad.mutable_duration()->set_seconds(std::numeric_limits<int64_t>::max());
-  EXPECT_THAT(refusal(bad), HasSubstr("at most 10m"));
+  EXPECT_THAT(refusal(bad), HasSubstr("at most 10 min"));
   bad = good;
   bad.clear_views();
   EXPECT_THAT(refusal(bad), HasSubstr("no pixel"));

@@ -101,7 +101,7 @@ TEST_F(SceneServiceTest, StalenessIsTold) {
   ASSERT_EQ(scene.defects_size(), 1);
   EXPECT_EQ(scene.defects(0).reason(), v1::Verdict::REASON_SCENE_STALE);
   EXPECT_EQ(scene.defects(0).message(),
-            "the oldest image is 1.5s old, older than max_age, 1s; publish a new scene");
+            "the oldest image is 1.5 s old, older than max_age, 1 s; publish a new scene");
 }
 
 TEST_F(SceneServiceTest, OlderImagesThanThoseServedAreRefused) {
@@ -149,7 +149,7 @@ TEST_F(SceneServiceTest, RefusesStrongPixelsThatItsMaskLacks) {
 TEST_F(SceneServiceTest, RefusesTimesThatAreNoneOrInTheFuture) {
   auto& time = *request.mutable_views(2)->mutable_capture_time();
   Set(server.clock.now() + absl::Milliseconds(200), &time);
-  EXPECT_THAT(Refusal(), HasSubstr("views[2] 'top': capture_time is 200ms in the future"));
+  EXPECT_THAT(Refusal(), HasSubstr("views[2] 'top': capture_time is 200 ms in the future"));
   time.set_nanos(1'000'000'000);
   EXPECT_THAT(Refusal(), HasSubstr("views[2] 'top'.capture_time"));
   time.set_nanos(0);

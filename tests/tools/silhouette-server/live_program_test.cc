@@ -157,8 +157,8 @@ TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
     EXPECT_EQ(server->End(SIGTERM), 0);
     return Log();
   };
-  EXPECT_THAT(log_with("500 ms"), HasSubstr("view 'top': with a latency of 300ms a scene is more "
-                                            "than 600ms old before the next one comes"));
+  EXPECT_THAT(log_with("500 ms"), HasSubstr("view 'top': with a latency of 300 ms a scene is more "
+                                            "than 600 ms old before the next one comes"));
   EXPECT_THAT(log_with("2 s"), Not(HasSubstr("latency")));
 }
 

@@ -317,7 +317,7 @@ TEST_F(ServerProgramTest, TellsInItsLogWhoAllowsARegionAndWhenItEnds) {
   }
   EXPECT_THAT(
       program.Errors(),
-      AllOf(HasSubstr("allows region 'part' for 200ms: 9 pixels in 'top'"),
+      AllOf(HasSubstr("allows region 'part' for 200 ms: 9 pixels in 'top'"),
             HasSubstr("allowed region 'part' has ended"), HasSubstr("revokes region 'other'")));
   EXPECT_THAT(program.Errors(), Not(HasSubstr("region 'other' has ended")));
 }

@@ -65,7 +65,7 @@ class SilhouetteWatch : public testing::Test {
 };
 
 TEST_F(SilhouetteWatch, TellsTheSpaceWithEveryScene) {
-  const auto watch = Start("watch --max-age 10m --format json", "watch.json");
+  const auto watch = Start("watch --max-age 10min --format json", "watch.json");
   ASSERT_TRUE(HasLines("watch.json", 1));
   Publish(kNothing);
   ASSERT_TRUE(HasLines("watch.json", 2));
@@ -251,7 +251,7 @@ TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
     ASSERT_TRUE(HasLines("on.json", 1));
     goes_on->Stop();
   }
-  const auto space = Start("watch --max-age 10m --format json", "space.json");
+  const auto space = Start("watch --max-age 10min --format json", "space.json");
   const auto path = Start("watch 0,0 1,0 --format json", "path.json");
   ASSERT_TRUE(HasLines("space.json", 1) && HasLines("path.json", 1));
   cell_.StopServer();

@@ -14,6 +14,7 @@
 #include "absl/strings/str_split.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "silhouette/messages.h"
 

@@ -48,6 +48,15 @@ absl::StatusOr<std::pair<std::string, double>> TypedJoints::ParseNamed(const std
   }
 }
 
+std::vector<std::optional<bool>> TypedJoints::Slides() {
+  if (!grid_) Ask().IgnoreError();
+  std::vector<std::optional<bool>> slides;
+  for (int j = 0; grid_ && j < grid_->joints_size(); ++j) {
+    slides.push_back(Slides(static_cast<size_t>(j)));
+  }
+  return slides;
+}
+
 std::string TypedJoints::Spoken(absl::string_view text) const {
   std::vector<std::string> values = absl::StrSplit(text, ',');
   for (size_t j = 0; j < values.size(); ++j) {
@@ -62,6 +71,10 @@ absl::Status TypedJoints::AskIfItMatters(absl::string_view text) {
   if (grid_ || (unit_ == AngleUnit::kRadians && !StatesUnit({text.data(), text.size()}))) {
     return absl::OkStatus();
   }
+  return Ask();
+}
+
+absl::Status TypedJoints::Ask() {
   ASSIGN_OR_RETURN(v1::GetDatabaseResponse database, database_());
   grid_ = std::move(*database.mutable_grid());
   return absl::OkStatus();

@@ -33,11 +33,16 @@ class TypedJoints {
   // "joint_1=0.5". As Parse; the unit of a joint that is not in the grid is believed.
   absl::StatusOr<std::pair<std::string, double>> ParseNamed(const std::string& text);
 
+  // Of each joint of the grid, whether it slides; asks the database if Parse did not. Nothing where
+  // that is not known.
+  std::vector<std::optional<bool>> Slides();
+
   // What Parse took, each value with its unit where one was stated or `unit` is degrees.
   std::string Spoken(absl::string_view text) const;
 
  private:
   absl::Status AskIfItMatters(absl::string_view text);
+  absl::Status Ask();
   // Of the joint at this place of the grid; nothing if that is not known.
   std::optional<bool> Slides(size_t joint) const;
 

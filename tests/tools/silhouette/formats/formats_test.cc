@@ -126,6 +126,20 @@ TEST(ConfigurationText, DegreesAreAskedForWhereRadiansTurnTooOften) {
             " (joint values are radians; did you mean degrees? Write 90deg, or stop)");
 }
 
+TEST(ConfigurationText, DegreesAreNotAskedForWhereAJointSlides) {
+  const std::vector<std::optional<bool>> slides = {true, false};
+  EXPECT_EQ(DegreesHint(std::vector<double>{90, 0}, "", slides), "");
+  EXPECT_NE(DegreesHint(std::vector<double>{0, 90}, "", slides), "");
+  TypedJoints joints(kRadians, [] {
+    v1::GetDatabaseResponse database;
+    database.mutable_grid()->add_joints()->set_slides(true);
+    database.mutable_grid()->add_joints();
+    return database;
+  });
+  ASSERT_TRUE(joints.Parse("90,0").ok());
+  EXPECT_THAT(joints.Slides(), ElementsAre(std::optional(true), std::nullopt));
+}
+
 TEST(ConfigurationText, FileHasAConfigurationPerLine) {
   const Shell shell;
   const std::string file = (shell.folder() / "list.txt").string();
