@@ -113,6 +113,11 @@ void OpenClosedStreams() {
   }
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+// Before the libraries are initialised: some open files then. Sanitizers are not ready so early.
+[[gnu::used, gnu::section(".preinit_array")]] void (*before_libraries)() = OpenClosedStreams;
+#endif
+
 // Whether standard output is a pipe that nothing reads any more, as after `head`.
 bool ReaderIsGone() {
   pollfd out{.fd = STDOUT_FILENO, .events = POLLOUT, .revents = 0};
@@ -162,7 +167,6 @@ void EndOnLostPages(const std::string& program) {
 }
 
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run) {
-  OpenClosedStreams();
   EndOnLostPages(app.get_name());
   std::signal(SIGXFSZ, SIG_IGN);  // a file above `ulimit -f` is an error of the write
   app.set_version_flag("--version", app.get_name() + " " + kVersion);

@@ -15,6 +15,7 @@
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/lengths.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/files.h"
@@ -230,6 +231,7 @@ void AddBoardCommand(CLI::App& program, Run& run) {
                        "Millimetres between the corners of neighbours; default: the tag size, so "
                        "that all corners form one lattice")
           ->check(PositiveNumber());
+  for (auto* length : {tag_size, gap}) TakeLengths(length, LengthUnit::kMillimetres);
   auto* first_id = command->add_option("--first-id", a->first_id, "Id of the first tag or marker")
                        ->capture_default_str();
   auto* flange = command->add_flag("--flange", a->flange,
@@ -253,6 +255,7 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       command->add_option("--marker", a->marker, "Millimetres of a marker's side (0.75 squares)")
           ->needs(charuco)
           ->check(PositiveNumber());
+  for (auto* length : {square, marker}) TakeLengths(length, LengthUnit::kMillimetres);
   auto* dictionary =
       command->add_option("--dictionary", a->dictionary, "Of the markers, by OpenCV's name")
           ->needs(charuco)

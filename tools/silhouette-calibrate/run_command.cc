@@ -22,6 +22,7 @@
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/joint_values.h"
+#include "tools/program/lengths.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
@@ -394,9 +395,10 @@ void AddOptions(CLI::App& command, RunArguments& a) {
                   "name=lower:upper: a joint that may be moved, and how far; default: those of the "
                   "grid in its range,\nthe last three up to 60 deg from where they stand")
       ->allow_extra_args(false);
-  command.add_option("--floor", a.floor,
-                     "Height in the robot's base that nothing goes below, metres; default: the "
-                     "workspace's, else 0");
+  TakeLengths(command.add_option(
+      "--floor", a.floor,
+      "Height in the robot's base that nothing goes below, metres; default: the workspace's, "
+      "else 0"));
   command.add_option(
       "--poses", a.poses,
       "Drive to these poses instead (CSV: a column per joint of the robot; radians)");

@@ -4,6 +4,7 @@
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "silhouette/v1/database_service.pb.h"
+#include "tools/program/lengths.h"
 #include "tools/silhouette/formats/inputs.h"
 
 namespace silhouette {
@@ -97,10 +98,10 @@ std::string UnitHint(const Session& session, TypedJoints& joints,
 }
 
 void AddResolutionOption(CLI::App& command, std::optional<double>& resolution) {
-  command.add_option("--resolution", resolution,
-                     "If robot images are drawn: sample the path in steps of this, in metres that "
-                     "some point of the robot moves, where it cannot be proven free; 0.0005 to 0.1 "
-                     "[0.005]");
+  TakeLengths(command.add_option(
+      "--resolution", resolution,
+      "If robot images are drawn: sample the path in steps of this, in metres that some point of "
+      "the robot moves, where it cannot be proven free; 0.0005 to 0.1 [0.005]"));
 }
 
 CLI::Option* AddTimeOption(CLI::App& command, const std::string& name,
@@ -133,13 +134,14 @@ void AddSeparationOptions(CLI::App& command, PathArguments& arguments) {
       "--separation", arguments.separation,
       "Also report how far people are, and how fast the robot may follow the path so that it "
       "stands before it touches one, by the cell file's section 'separation'");
-  command
-      .add_option(
-          "--horizon", arguments.horizon,
-          "With --separation: only the beginning of the path, until some point of the robot "
-          "has moved this far, in metres, and then until it stands")
-      ->needs(separation)
-      ->check(NumberFromZero());
+  TakeLengths(
+      command
+          .add_option(
+              "--horizon", arguments.horizon,
+              "With --separation: only the beginning of the path, until some point of the robot "
+              "has moved this far, in metres, and then until it stands")
+          ->needs(separation)
+          ->check(NumberFromZero()));
 }
 
 std::optional<client::SeparationPolicy> SeparationOf(const PathArguments& arguments) {

@@ -22,6 +22,7 @@
 #include "capture/devices/running_clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/drivers/opencv/rtsp_round_trip.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -80,8 +81,7 @@ class StreamCamera : public CameraSource {
     asked_.reset();
     if (!wrong_.ok()) return wrong_;
     if (!image_) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("no image within ", absl::FormatDuration(timeout_)));
+      return absl::DeadlineExceededError(absl::StrCat("no image within ", SpokenTime(timeout_)));
     }
     std::vector<CameraImage> images;
     images.push_back(*std::exchange(image_, std::nullopt));
@@ -254,8 +254,8 @@ absl::Status FixExposure(cv::VideoCapture& camera, const V4l2Source& source) {
     const double wanted = absl::ToDoubleMicroseconds(*source.exposure) / 100;
     if (!manual || !camera.set(cv::CAP_PROP_EXPOSURE, wanted)) {
       return absl::FailedPreconditionError(
-          absl::StrCat(source.device, " does not take the exposure ",
-                       absl::FormatDuration(*source.exposure), "; see v4l2-ctl --list-ctrls"));
+          absl::StrCat(source.device, " does not take the exposure ", SpokenTime(*source.exposure),
+                       "; see v4l2-ctl --list-ctrls"));
     }
   }
   if (source.gain && !camera.set(cv::CAP_PROP_GAIN, *source.gain)) {

@@ -56,7 +56,7 @@ TEST_F(BoardProgram, PrintsChessboardsCharucoAndBoardsOfAFile) {
   const auto read = [&] {
     return BoardsFromText(ContentOf(folder_ / "wall.yaml"), "wall.yaml").value().front();
   };
-  ASSERT_EQ(Run("--chessboard 9x6 --square 22 --dpi 30 --format json"), 0) << err_;
+  ASSERT_EQ(Run("--chessboard 9x6 --square 22mm --dpi 30 --format json"), 0) << err_;
   EXPECT_EQ(nlohmann::json::parse(out_)["family"], "chessboard-9x6");
   EXPECT_EQ(read().description().square, 0.022);
   ASSERT_EQ(Run("--charuco 5x7 --square 30 --dictionary DICT_5X5_100 --dpi 30 --overwrite"), 0)
@@ -93,6 +93,8 @@ TEST_F(BoardProgram, MistakesAreOneSentenceAndWriteNothing) {
   EXPECT_THAT(err_, HasSubstr("--paper 'A3 landscape'"));
   EXPECT_EQ(Run("--flange --rows 2"), 2);
   EXPECT_EQ(Run("--tag-size -4"), 2);
+  EXPECT_EQ(Run("--tag-size 30deg"), 2);
+  EXPECT_THAT(err_, HasSubstr("--tag-size: '30deg' is not a length; write millimetres"));
   EXPECT_FALSE(fs::exists(folder_ / "wall.yaml"));
 }
 

@@ -232,7 +232,7 @@ TEST_F(Silhouette, SpaceTellsClearancesInLevels) {
 
 TEST_F(Silhouette, SpaceThatTheServerHadNoTimeForIsUnknown) {
   PublishWall();
-  const Ended ended = cell_.Run("space --max-time 1ns");
+  const Ended ended = cell_.Run("space --max-time 1e-9s");
   EXPECT_EQ(ended.exit_code, 0);
   EXPECT_THAT(ended.out, AllOf(HasSubstr("121 unknown"), HasSubstr("1 of 1 tiles; ask again")));
   const Json counts = RunJson("space --max-time 10s", 0);
@@ -447,7 +447,8 @@ TEST_F(Silhouette, MistakesOnTheCommandLineAreOneSentenceThatNamesThem) {
     EXPECT_LT(ended.err.size(), 200u);
     return ended.err;
   };
-  EXPECT_THAT(error("path 0,0 0,1 --separation --horizon inf"), HasSubstr("'inf' is not a number"));
+  EXPECT_THAT(error("path 0,0 0,1 --separation --horizon inf"),
+              HasSubstr("'inf' is not a length; write metres, or e.g. '30 mm'"));
   EXPECT_THAT(error("path 0,0 0,1 --separation --horizon -1"), HasSubstr("'-1' is less than 0"));
   EXPECT_THAT(error("scene bogus"),
               HasSubstr("there is no subcommand 'bogus'; known are 'publish'"));

@@ -304,6 +304,7 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   const Ended too_few = check("0\\n");
   EXPECT_EQ(too_few.exit_code, 2);
   EXPECT_EQ(cell_.Run("check --stream 0,0").exit_code, 2);
+  EXPECT_EQ(cell_.Run("check --stream <&-").exit_code, 0) << "a closed stream has no lines";
   // It does not wait for input that never ends.
   const Ended refused = cell_.shell().Run(
       "mkfifo in; sleep 60 >in & writer=$!; printf '0\\n' >in & SILHOUETTE_SERVER=" +
