@@ -23,14 +23,14 @@ std::optional<Eigen::Vector2d> Distorted(const std::optional<CameraModel>& lens,
 Eigen::Matrix2d UndistortedPerPixel(const std::optional<CameraModel>& lens,
                                     const Eigen::Vector2d& pixel);
 
-// Where a straight edge between dark and bright lies in an image, to some hundredths of a pixel:
-// a blurred step is fitted to the grey values of all pixels beside it.
 // How a line of corners bends an edge between them: the quadratic and the cubic term of its offset.
 struct Bend {
   double quadratic = 0;
   double cubic = 0;
 };
 
+// Where a straight edge between dark and bright lies in an image, to some hundredths of a pixel:
+// a blurred step is fitted to the grey values of all pixels beside it.
 // An edge in undistorted pixels: at `along`, from -1 to 1 on the way from one end to the other, it
 // is `offset(along)` pixels to the side of the straight line through both ends.
 class Edge {
