@@ -59,6 +59,9 @@ constexpr double kOfFit = 0.88;
 constexpr double kLeastSigma = 0.003;
 constexpr double kNeighbourSigma = 0.11;
 constexpr double kNeighbourRatio = 3.9;
+// Where white is cut off, the middle grey, and with it the edge, moves into the dark side: by this
+// share of the blur. A tag becomes smaller.
+constexpr double kSaturatedSigma = 0.22;
 
 // As TagDetector does not fit narrower modules.
 constexpr double kLeastSideInBlurs = 3.5;
@@ -66,9 +69,10 @@ constexpr double kLeastSideInBlurs = 3.5;
 // Pixels at the end of an edge where the next one shows.
 double EndGap(double blur) { return std::max(2.0, 1 + 2 * blur); }
 
-double SigmaOf(double of_fit, double blur, double border) {
+double SigmaOf(double of_fit, double blur, double border, double saturation) {
   const double neighbours = kNeighbourSigma * std::pow(kNeighbourRatio * blur / border, 5);
-  return std::hypot(kOfFit * of_fit, neighbours, kLeastSigma);
+  const double white = kSaturatedSigma * saturation * blur;
+  return std::hypot(std::hypot(kOfFit * of_fit, neighbours, kLeastSigma), white);
 }
 
 struct Meeting {
@@ -124,11 +128,12 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image,
   }
   FittedCorners fitted;
   fitted.blur = kFirstCornerBlur;
+  double saturation = 0;
   for (int round = 0; round < kRounds; ++round) {
     const auto edges = FitEdges(image, lens, undistorted, border, fitted.blur);
     if (!edges) return std::nullopt;
     double variance = 0;
-    fitted.blur = fitted.contrast = 0;
+    fitted.blur = fitted.contrast = saturation = 0;
     for (int i = 0; i < 4; ++i) {
       const auto corner = Meet((*edges)[(i + 3) % 4], (*edges)[i], undistorted[i]);
       if (!corner) return std::nullopt;
@@ -140,10 +145,11 @@ std::optional<FittedCorners> FitCorners(const cv::Mat& image,
       fitted.corners[i] = *pixel;
       fitted.blur += (*edges)[i].blur() / 4;
       fitted.contrast += (*edges)[i].contrast() / 4;
+      saturation += (*edges)[i].saturation() / 4;
     }
     fitted.sigma = std::sqrt(variance);
   }
-  fitted.sigma = SigmaOf(fitted.sigma, fitted.blur, border);
+  fitted.sigma = SigmaOf(fitted.sigma, fitted.blur, border, saturation);
   return fitted;
 }
 
@@ -361,7 +367,7 @@ std::vector<std::optional<FittedCorner>> FitChessCorners(const cv::Mat& image,
       }
       blurs.push_back(fitted[i]->blur);
       const double side = edges.SideAt(i);
-      fitted[i]->sigma = SigmaOf(fitted[i]->sigma, fitted[i]->blur, side * room);
+      fitted[i]->sigma = SigmaOf(fitted[i]->sigma, fitted[i]->blur, side * room, 0);
       if ((fitted[i]->at - *corners.at[i]).norm() >
               std::max(kMostMoved, kMostMovedInSides * side) ||
           side < kLeastSideInBlurs * fitted[i]->blur) {

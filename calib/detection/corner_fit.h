@@ -57,6 +57,8 @@ class Edge {
   double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
   double contrast() const { return contrast_; }  // grey levels from one side to the other
   double noise() const { return noise_; }        // of a grey value about the fit
+  // From 0, none, to 1: how much of its bright side is as white as the image can show.
+  double saturation() const { return saturation_; }
 
  private:
   friend class EdgeFitter;
@@ -70,6 +72,7 @@ class Edge {
   double blur_ = 0;
   double contrast_ = 0;
   double noise_ = 0;
+  double saturation_ = 0;
 };
 
 struct EdgeFitSettings {

@@ -74,6 +74,7 @@ class EdgeFitter {
     std::vector<Sample> samples = SamplesBeside(edge, scale);
     for (Sample& sample : samples) sample.aside -= edge.cubic_ * std::pow(sample.along, 3);
     if (samples.size() < kLeastPixels || !Solve(samples, scale, edge)) return std::nullopt;
+    edge.saturation_ = Saturation(samples, edge, scale);
     return edge;
   }
 
@@ -109,6 +110,21 @@ class EdgeFitter {
       }
     }
     return samples;
+  }
+
+  // Of the samples a pixel and more beside the edge half are bright. While noise still shows, half
+  // of these are below white.
+  static double Saturation(const std::vector<Sample>& samples, const Edge& edge, double scale) {
+    constexpr double kWhite = 255;
+    double beside = 0;
+    double white = 0;
+    for (const Sample& sample : samples) {
+      const Eigen::Vector3d powers(1, sample.along, sample.along * sample.along);
+      if (std::abs(sample.aside - edge.shape_.dot(powers)) * scale < 1) continue;
+      ++beside;
+      white += sample.grey >= kWhite ? 1 : 0;
+    }
+    return std::clamp(4 * white / std::max(beside, 1.0) - 1, 0.0, 1.0);
   }
 
   // The residual of a sample and, on request, its derivatives.

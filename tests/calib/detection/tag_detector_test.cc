@@ -39,6 +39,7 @@ struct Case {
   int columns = 2;
   double size = 60;  // of a tag, pixels
   double blur = 0.5;
+  double white = 210;  // grey level; above 255 it is cut off
   bool with_lens = true;
   int images = 4;
 };
@@ -55,7 +56,7 @@ Errors ErrorsOf(const Case& test) {
     const CameraIntrinsics k = Intrinsics(320, 240, kFocal, -0.2);
     const RenderedBoard rendered(
         board, k, RandomPose(board, kFocal * kTagDetectorTag / test.size, 0.4, random),
-        {.blur = test.blur}, random);
+        {.blur = test.blur, .white = test.white}, random);
     double squares = 0;
     const auto tags = detector.Detect(
         rendered.image(), test.with_lens ? std::optional(CameraModel(k)) : std::nullopt);
@@ -109,6 +110,16 @@ TEST(TagDetector, OtherFamiliesAndBlurStayWithinTheirSigma) {
     EXPECT_LT(errors.rms.back(), 0.03);
     EXPECT_GT(errors.chi2, 0.3);
     EXPECT_LT(errors.chi2, 1.6);
+  }
+}
+
+TEST(TagDetector, CornersBesideSaturatedPaperStateHowFarTheyAreOff) {
+  for (double white : {262, 290}) {
+    SCOPED_TRACE(white);
+    const Errors errors = ErrorsOf({.white = white, .images = 2});
+    EXPECT_EQ(errors.fitted, errors.tags);
+    EXPECT_LT(errors.chi2, 2.3);
+    EXPECT_GT(errors.chi2, 0.03);
   }
 }
 
