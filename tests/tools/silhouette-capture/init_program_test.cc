@@ -95,7 +95,7 @@ TEST_F(NewCell, ManyJointsAreDrawn) {
 
 TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> mistakes = {
-      {{"--joint", "elbow", "--view", "top=sim"}, "it has joint_1, joint_2"},
+      {{"--joint", "elbow", "--view", "top=sim"}, "it has 'joint_1', 'joint_2'"},
       {{"--joint", "joint_1=3", "--view", "top=sim"}, "joint_1=-90deg:90deg"},
       {{"--joint", "joint_1=1:-1", "--view", "top=/dev/video0"},
        "silhouette-capture: the options make no valid cell file: grid: joint 'joint_1'"},
