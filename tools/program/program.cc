@@ -103,6 +103,7 @@ void RequireNumbers(CLI::App& command) {
   for (CLI::App* sub : command.get_subcommands(all)) RequireNumbers(*sub);
 }
 
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // Opens standard input, output and error where they are closed, so that no file of the program
 // takes their place: what is printed would be written into it. Writing them fails, as before.
 void OpenClosedStreams() {
@@ -113,7 +114,6 @@ void OpenClosedStreams() {
   }
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // Before the libraries are initialised: some open files then. Sanitizers are not ready so early.
 [[gnu::used, gnu::section(".preinit_array")]] void (*before_libraries)() = OpenClosedStreams;
 #endif
