@@ -70,7 +70,8 @@ std::vector<FoundMarker> FindMarkers(const std::string& dictionary, int border,
 // The squares that Kalibr prints touch its tags' corners. They come apart where bright areas
 // are grown by a pixel, at more blur by two.
 constexpr int kMostGrown = 2;
-// Of Kalibr's tags so many say where the others are. The library may see none of small ones.
+// From this many tags of an AprilGrid the places of the others follow. Of small ones the library
+// may see none.
 constexpr size_t kEnoughTags = 2;
 constexpr char kKalibrDictionary[] = "DICT_APRILTAG_36h11";
 
