@@ -258,10 +258,15 @@ std::string ShownOnATerminal(const std::function<void()>& work) {
   dup2(end, STDERR_FILENO);
   work();
   dup2(stderr_before, STDERR_FILENO);
-  std::array<char, 4096> shown{};
-  const ssize_t size = read(terminal, shown.data(), shown.size());
-  for (const int file : {stderr_before, end, terminal}) close(file);
-  return {shown.data(), static_cast<size_t>(std::max<ssize_t>(0, size))};
+  for (const int file : {stderr_before, end}) close(file);
+  // Each write may arrive by itself; after the last one the closed terminal ends the text.
+  std::string shown;
+  std::array<char, 4096> part{};
+  for (ssize_t size; (size = read(terminal, part.data(), part.size())) > 0;) {
+    shown.append(part.data(), static_cast<size_t>(size));
+  }
+  close(terminal);
+  return shown;
 }
 
 TEST(Steps, TerminalShowsTheStepAndNothingInTheEnd) {
