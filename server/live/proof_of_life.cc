@@ -135,16 +135,11 @@ ProofOfLife::Change ProofOfLife::ChangeOf(const Sample& before, const Sample& no
 absl::Status ProofOfLife::FaultOf(View& view, const CameraImage& image, const Sample& sample,
                                   const Reference& reference) const {
   const uint64_t digest = XXH3_64bits(image.pixels.data(), image.pixels.size());
-  if (!view.known.insert(digest).second) {
+  if (view.recent.Repeats(digest)) {
     return absl::DataLossError(
         absl::StrCat("the camera is frozen: it repeats an image byte for byte under a new time "
                      "stamp; restart the camera",
                      kNoNoise));
-  }
-  view.order.push_back(digest);
-  if (view.order.size() > kRemembered) {
-    view.known.erase(view.order.front());
-    view.order.pop_front();
   }
   if (!view.captured) return absl::OkStatus();
   const std::optional<double> share = NoiseShare(view.sample, sample, reference);

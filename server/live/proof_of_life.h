@@ -4,9 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <optional>
-#include <unordered_set>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -15,6 +13,7 @@
 #include "capture/segmentation/reference.h"
 #include "db/mask/mask.h"
 #include "server/live/live_settings.h"
+#include "server/scene/recent_images.h"
 #include "server/scene/robot_in_scene.h"
 
 namespace silhouette {
@@ -22,7 +21,7 @@ namespace silhouette {
 // Remembers the images of every view. Not thread-safe.
 //
 // A view is dead, and stays it until kLivePairs images in a row are like no fault, if
-// - an image is, byte for byte, one of its last kRemembered images under another time stamp; or
+// - an image is, byte for byte, one of its recent ones (RecentImages) under another time stamp; or
 // - kDeadPairs times in a row pixels change from image to image by less than least_noise of the
 //   reference's noise.
 // Both only where the source has noise. A view is dead, too, if the robot moved to where its image
@@ -30,7 +29,6 @@ namespace silhouette {
 // until its image changes.
 class ProofOfLife {
  public:
-  static constexpr size_t kRemembered = 1024;
   static constexpr int kDeadPairs = 2;
   static constexpr int kLivePairs = 3;
 
@@ -74,11 +72,10 @@ class ProofOfLife {
     bool has_noise = true;
     std::optional<absl::Time> captured;
     Sample sample;
-    std::unordered_set<uint64_t> known;  // digests of the last images
-    std::deque<uint64_t> order;          // the same, oldest first
-    int quiet_pairs = 0;                 // in a row
-    int live_pairs = kLivePairs;         // in a row; fewer than kLivePairs: dead
-    absl::Status fault;                  // why it is
+    RecentImages recent;
+    int quiet_pairs = 0;          // in a row
+    int live_pairs = kLivePairs;  // in a row; fewer than kLivePairs: dead
+    absl::Status fault;           // why it is
     std::optional<Standing> standing;
     size_t least_changed = 0;  // pixels of the sample; not 0: dead since the robot moved
     absl::Status still;        // why that is

@@ -27,19 +27,19 @@ void RepeatedImages::TakeOut(const ServedDatabase& database, const Moment& arriv
     }
     const uint64_t digest = XXH3_64bits(image->bytes.data(), image->bytes.size());
     const absl::Duration captured = view.captured.value_or(arrived).running;
-    Image& newest = newest_[view.view];
-    if (newest.times == 0 || (digest != newest.digest && captured > newest.captured)) {
-      newest = {digest, captured, 1};
-    } else if (digest == newest.digest && captured - newest.captured > kSameTime) {
-      newest.captured = captured;
-      ++newest.times;
+    View& known = views_[view.view];
+    const absl::Duration later = captured - known.captured;
+    if (!known.digest || later > (digest == *known.digest ? kSameTime : absl::ZeroDuration())) {
+      known.repeats = known.recent.Repeats(digest) ? known.repeats + 1 : 0;
+      known.digest = digest;
+      known.captured = captured;
     }
-    if (digest != newest.digest || newest.times < kFrozen) return false;
+    if (known.repeats < kFrozen) return false;
     input.without_views[view.view] = absl::StrCat(
-        "the camera is frozen: ", newest.times,
-        " images in a row are the same, byte for byte, under new time stamps; restart the camera; "
-        "if its source has no noise (a file, a simulator, strong compression), state 'noise: none' "
-        "at its view in the cell file");
+        "the camera is frozen: ", known.repeats,
+        " images in a row repeat earlier ones, byte for byte, under new time stamps; restart the "
+        "camera; if its source has no noise (a file, a simulator, strong compression), state "
+        "'noise: none' at its view in the cell file");
     return true;
   });
 }

@@ -172,10 +172,22 @@ TEST_F(FrozenCamera, ThatRepeatsItsImageUnderNewTimesIsMissingUntilItGivesAnothe
   EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
 }
 
-TEST_F(FrozenCamera, IsNoneThatNeverGivesTheSameImageTwiceInARowOrOneThatIsSentAgain) {
+TEST_F(FrozenCamera, ThatRepeatsARingOfImagesIsMissingUntilItGivesAnother) {
+  constexpr int kRing = 4;
+  for (int image = 0; image <= kRing; ++image) {
+    EXPECT_EQ(Publish(server, image % kRing).defects_size(), 0);
+  }
+  for (int image = kRing + 1; image < 3 * kRing; ++image) {
+    ASSERT_EQ(Publish(server, image % kRing).defects_size(), 1);
+    EXPECT_EQ(server.CheckOne(At(1, 0)).reason(), v1::Verdict::REASON_VIEW_MISSING);
+  }
+  EXPECT_EQ(Publish(server, kRing).defects_size(), 0);
+}
+
+TEST_F(FrozenCamera, IsNoneWhoseImagesAreSentAgainAtOnce) {
   for (int image = 0; image < 6; ++image) {
-    EXPECT_EQ(Publish(server, image % 2).defects_size(), 0);
-    EXPECT_EQ(Publish(server, image % 2, absl::ZeroDuration()).defects_size(), 0);
+    EXPECT_EQ(Publish(server, image).defects_size(), 0);
+    EXPECT_EQ(Publish(server, image, absl::ZeroDuration()).defects_size(), 0);
   }
 }
 
