@@ -30,6 +30,7 @@ pkg_check_modules(urdfdom REQUIRED IMPORTED_TARGET urdfdom console_bridge tinyxm
 pkg_check_modules(tinyxml REQUIRED IMPORTED_TARGET tinyxml)
 pkg_check_modules(aravis REQUIRED IMPORTED_TARGET aravis-0.8)
 pkg_check_modules(gst_rtsp_server REQUIRED IMPORTED_TARGET gstreamer-rtsp-server-1.0)
+pkg_check_modules(ffmpeg REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil libswscale)
 pkg_check_modules(apriltag REQUIRED IMPORTED_TARGET apriltag)
 pkg_check_modules(cairo REQUIRED IMPORTED_TARGET cairo)
 pkg_check_modules(httplib REQUIRED IMPORTED_TARGET cpp-httplib)

@@ -45,9 +45,10 @@ absl::StatusOr<ImageSet> CellCameras::Grab(const std::function<void(const std::s
   for (const View& view : views_) {
     CameraImage& image = (*grabbed)[view.place];
     if (image.width != view.width || image.height != view.height) {
-      return absl::FailedPreconditionError(absl::StrCat(
-          "the camera of the view '", view.name, "' gave an image of ", image.width, " x ",
-          image.height, " pixels; the cell says ", view.width, " x ", view.height));
+      return absl::FailedPreconditionError(
+          absl::StrCat("the camera of the view '", view.name, "' gave an image of ", image.width,
+                       " x ", image.height, " pixels; the cell says ", view.width, " x ",
+                       view.height, ": set the camera to that size, or correct image_size"));
     }
     const bool colour = image.channels == 3;
     if ((!colour && image.channels != 1) ||

@@ -20,9 +20,9 @@ absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image, 
                                          const Moment& arrived) {
   View& known = views_[view];
   if (image.width != known.width || image.height != known.height) {
-    return absl::FailedPreconditionError(absl::StrCat("it gave an image of ", image.width, " x ",
-                                                      image.height, " pixels; the cell says ",
-                                                      known.width, " x ", known.height));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "it gave an image of ", image.width, " x ", image.height, " pixels; the cell says ",
+        known.width, " x ", known.height, ": set the camera to that size"));
   }
   const size_t bytes = static_cast<size_t>(image.width) * static_cast<size_t>(image.height) *
                        static_cast<size_t>(image.channels == 3 ? 3 : 1);

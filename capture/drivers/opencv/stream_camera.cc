@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // V4L2 cameras and RTSP streams: devices that send images all the time.
-#include <stdlib.h>
 #include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <future>
 #include <mutex>
 #include <opencv2/videoio.hpp>
@@ -20,6 +18,7 @@
 #include "absl/time/clock.h"
 #include "capture/devices/lateness.h"
 #include "capture/devices/running_clock.h"
+#include "capture/drivers/opencv/image_stream.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/drivers/opencv/rtsp_round_trip.h"
 #include "common/times/times.h"
@@ -40,12 +39,10 @@ constexpr int kRoundTripsOfOpening = 4;
 
 class StreamCamera : public CameraSource {
  public:
-  using Open = std::function<absl::Status(cv::VideoCapture&)>;
-
   // `url`: of a stream from the network; empty: it is none.
-  StreamCamera(const std::string& view, Open open, const std::string& url, absl::Duration latency,
-               absl::Duration timeout)
-      : views_{view}, latency_(latency), timeout_(timeout), url_(url), open_(std::move(open)) {}
+  StreamCamera(const std::string& view, std::unique_ptr<ImageStream> stream, const std::string& url,
+               absl::Duration latency, absl::Duration timeout)
+      : views_{view}, latency_(latency), timeout_(timeout), url_(url), stream_(std::move(stream)) {}
 
   // Once.
   absl::Status Start() {
@@ -89,16 +86,9 @@ class StreamCamera : public CameraSource {
   }
 
  private:
-  // OpenCV throws if the first image that it converts is smaller than the stream's were at its
-  // opening. It does not tell of a change after that: its size and converter stay as they are.
   void ReadAll() {
     while (!stopping()) {
-      absl::string_view wrong;
-      try {
-        wrong = Read();
-      } catch (const cv::Exception&) {
-        wrong = "its images cannot be read, or have another size than before";
-      }
+      const absl::string_view wrong = Read();
       if (!wrong.empty()) Reopen(wrong);
     }
   }
@@ -106,7 +96,7 @@ class StreamCamera : public CameraSource {
   // Reads one image. Why the stream must be opened again; empty: it need not.
   absl::string_view Read() {
     if (!MeasureAgain()) return "its host does not answer";
-    if (!stream_.grab()) return "its images ended";
+    if (!stream_->Grab()) return "its images ended";
     const absl::Time arrived = absl::Now();
     const absl::Duration now = RunningNow();
     const absl::Duration held_up = HeldUp(now);
@@ -117,8 +107,8 @@ class StreamCamera : public CameraSource {
     }
     const absl::Duration age = latency_ + held_up + round_trip_;
     if (!Wanted(now - age)) return "";
-    cv::Mat image;
-    if (!stream_.retrieve(image) || image.depth() != CV_8U) return "";
+    const cv::Mat image = stream_->Retrieve();
+    if (image.empty()) return "";
     const std::lock_guard lock(mutex_);
     image_ = CameraImageOf(image, arrived - age);
     changed_.notify_all();
@@ -133,9 +123,9 @@ class StreamCamera : public CameraSource {
   // How much longer than the quickest the image that was read last was held up: 0 if the stream has
   // no times, infinite if that is not known yet.
   absl::Duration HeldUp(absl::Duration now) {
-    const double sent = stream_.get(cv::CAP_PROP_POS_MSEC);
-    if (!(sent > 0)) return absl::ZeroDuration();
-    return lateness_.Of(absl::Milliseconds(sent), now).value_or(absl::InfiniteDuration());
+    const std::optional<absl::Duration> sent = stream_->sent();
+    if (!sent) return absl::ZeroDuration();
+    return lateness_.Of(*sent, now).value_or(absl::InfiniteDuration());
   }
 
   // Whether an image that was taken at `taken` or later is the one that is waited for.
@@ -146,7 +136,7 @@ class StreamCamera : public CameraSource {
 
   void Reopen(absl::string_view why) {
     Tell(absl::UnavailableError(absl::StrCat(why, "; it is being opened again")));
-    stream_.release();
+    stream_->Close();
     for (;;) {
       const absl::Status status = OpenStream();
       if (status.ok()) break;
@@ -159,11 +149,7 @@ class StreamCamera : public CameraSource {
 
   absl::Status OpenStream() {
     const absl::Duration begin = RunningNow();
-    try {
-      RETURN_IF_ERROR(open_(stream_));
-    } catch (const cv::Exception& error) {
-      return absl::UnavailableError(absl::StrCat("its images cannot be read: ", error.err));
-    }
+    RETURN_IF_ERROR(stream_->Open());
     const absl::Duration opened = RunningNow();
     lateness_ = {};
     in_time_ = opened;
@@ -207,7 +193,6 @@ class StreamCamera : public CameraSource {
   const absl::Duration latency_;
   const absl::Duration timeout_;
   const std::string url_;
-  const Open open_;
 
   // Of the reader alone, once it runs.
   Lateness lateness_;
@@ -215,7 +200,7 @@ class StreamCamera : public CameraSource {
   std::future<std::optional<absl::Duration>> measuring_;
   absl::Duration measure_at_;              // infinite: never, it cannot be measured
   absl::Duration in_time_ = RunningNow();  // when the last image came that was not late
-  cv::VideoCapture stream_;
+  const std::unique_ptr<ImageStream> stream_;
 
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
@@ -228,20 +213,13 @@ class StreamCamera : public CameraSource {
 };
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view,
-                                                         StreamCamera::Open open,
+                                                         std::unique_ptr<ImageStream> stream,
                                                          const std::string& url,
                                                          absl::Duration latency,
                                                          absl::Duration timeout) {
-  auto camera = std::make_unique<StreamCamera>(view, std::move(open), url, latency, timeout);
+  auto camera = std::make_unique<StreamCamera>(view, std::move(stream), url, latency, timeout);
   RETURN_IF_ERROR(camera->Start());
   return camera;
-}
-
-// FFmpeg would log every attempt to stderr; statuses report what went wrong. A user who wants
-// to see it sets the variable.
-void QuietFfmpeg() {
-  static const int once = setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);
-  (void)once;
 }
 
 // Fixes exposure, gain and what else a camera may change by itself. Units: Linux, V4L2 controls;
@@ -286,31 +264,48 @@ absl::Status OpenDevice(cv::VideoCapture& camera, int width, int height, const V
   return FixExposure(camera, source);
 }
 
+class V4l2Stream : public ImageStream {
+ public:
+  V4l2Stream(int width, int height, const V4l2Source& source)
+      : width_(width), height_(height), source_(source) {}
+
+  absl::Status Open() override { return OpenDevice(device_, width_, height_, source_); }
+  void Close() override { device_.release(); }
+  bool Grab() override { return device_.grab(); }
+
+  std::optional<absl::Duration> sent() const override {
+    const double sent = device_.get(cv::CAP_PROP_POS_MSEC);
+    return sent > 0 ? std::optional(absl::Milliseconds(sent)) : std::nullopt;
+  }
+
+  cv::Mat Retrieve() override {
+    try {
+      cv::Mat image;
+      if (device_.retrieve(image) && image.depth() == CV_8U) return image;
+    } catch (const cv::Exception&) {  // of a damaged image
+    }
+    return {};
+  }
+
+ private:
+  const int width_;
+  const int height_;
+  const V4l2Source source_;
+  cv::VideoCapture device_;
+};
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& view, int width,
                                                              int height, const V4l2Source& source) {
-  const auto open = [=](cv::VideoCapture& camera) {
-    return OpenDevice(camera, width, height, source);
-  };
-  return OpenStream(view, open, "", source.latency, source.timeout);
+  return OpenStream(view, std::make_unique<V4l2Stream>(width, height, source), "", source.latency,
+                    source.timeout);
 }
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
                                                              const RtspSource& source) {
-  QuietFfmpeg();
-  const auto open = [source](cv::VideoCapture& stream) -> absl::Status {
-    const auto timeout = static_cast<int>(absl::ToInt64Milliseconds(source.timeout));
-    if (stream.open(
-            source.url, cv::CAP_FFMPEG,
-            {cv::CAP_PROP_OPEN_TIMEOUT_MSEC, timeout, cv::CAP_PROP_READ_TIMEOUT_MSEC, timeout})) {
-      return absl::OkStatus();
-    }
-    return absl::UnavailableError(
-        absl::StrCat("no images come from ", WithoutPassword(source.url),
-                     "; check the address, the network and the camera's user and password"));
-  };
-  return OpenStream(view, open, source.url, source.latency, source.timeout);
+  return OpenStream(view, NetworkStream(source.url, source.timeout), source.url, source.latency,
+                    source.timeout);
 }
 
 std::vector<V4l2Device> FindV4l2Devices() {

@@ -126,7 +126,8 @@ TEST_F(CellCamerasTest, ImageOfTheWrongSizeIsToldWithItsView) {
     return absl::OkStatus();
   };
   EXPECT_THAT(Grab().status().message(),
-              HasSubstr("the view 'front' gave an image of 40 x 30 pixels; the cell says 80 x 60"));
+              HasSubstr("the view 'front' gave an image of 40 x 30 pixels; the cell says 80 x 60: "
+                        "set the camera to that size, or correct image_size"));
 }
 
 TEST_F(CellCamerasTest, IncompleteSetsAndImagesAreErrors) {

@@ -36,6 +36,9 @@ const Names kPureCore = {"db/mask", "db/index", "calib/camera", "calib/robot/dra
 // Who includes a header that begins like this links a library of this name.
 const std::map<std::string, std::string> kLibraries = {{"Eigen/", "Eigen"},
                                                        {"opencv2/", "opencv"},
+                                                       {"libavcodec/", "ffmpeg"},
+                                                       {"libavformat/", "ffmpeg"},
+                                                       {"libswscale/", "ffmpeg"},
                                                        {"grpcpp/", "gRPC"},
                                                        {"yaml-cpp/", "yaml-cpp"},
                                                        {"ceres/", "Ceres"},

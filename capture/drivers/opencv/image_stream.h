@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// A device that sends images all the time, as StreamCamera reads it.
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+
+namespace silhouette {
+
+// For one thread at a time.
+class ImageStream {
+ public:
+  virtual ~ImageStream() = default;
+
+  // Begins, also again.
+  virtual absl::Status Open() = 0;
+  virtual void Close() = 0;
+
+  // Waits for the next image. False: there are no more; Open() may help.
+  virtual bool Grab() = 0;
+
+  // When the grabbed image was sent, by the sender's clock of unknown zero. Nothing: not known.
+  virtual std::optional<absl::Duration> sent() const = 0;
+
+  // The grabbed image, in the size that it has: of 8 bits, grey or blue, green, red. Empty: it
+  // cannot be read.
+  virtual cv::Mat Retrieve() = 0;
+};
+
+// A stream at `url`, read by FFmpeg. (OpenCV's own reader keeps the size with which a stream
+// begins: it repeats the last image instead of larger ones, and mixes the rows of smaller ones.)
+// Open() and Grab() give up after `timeout`. Unavailable: there are no images.
+std::unique_ptr<ImageStream> NetworkStream(const std::string& url, absl::Duration timeout);
+
+}  // namespace silhouette
