@@ -97,6 +97,7 @@ absl::StatusOr<Contradictions> FindContradictions(
       found.pairs.push_back({.view = view, .other = other});
     }
   }
+  if (configurations.empty()) return found;
   Progress progress("check", configurations.size(), "configurations");
   for (const ConfigurationNumber number : configurations) {
     if (StopRequested()) return absl::CancelledError("stopped; run it again");
