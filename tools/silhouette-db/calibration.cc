@@ -2,6 +2,7 @@
 // silhouette-db calibration: import, export, show and remove it.
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "absl/strings/numbers.h"
@@ -10,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "calib/files/calibration_message.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
@@ -67,18 +69,36 @@ absl::StatusOr<std::unique_ptr<Database>> OpenForImport(const CalibrationOptions
   return Database::Create(options.database, description);
 }
 
+// What import did. `tested`: by the robot images.
+void PrintImported(const CalibrationOptions& options, const storage::v1::Calibration& calibration,
+                   const Contradictions& tested, uint64_t generation, bool is_new,
+                   const std::string& text) {
+  const PairContradictions* worst = tested.worst();
+  const nlohmann::ordered_json share =
+      worst == nullptr ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(worst->share());
+  const nlohmann::ordered_json json = {
+      {"database", options.database},
+      {"generation", generation},
+      {"kind", calibration.cameras_size() > 0 ? "cameras" : "fundamental matrices"},
+      {"cameras", calibration.cameras_size()},
+      {"fundamental_matrices", calibration.fundamental_matrices_size()},
+      {"changed", is_new},
+      {"configurations", tested.configurations},
+      {"worst_contradicting_share", share}};
+  PrintResult(options.format, json, text);
+}
+
 absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
   CatchStopSignals();
   ASSIGN_OR_RETURN(const std::unique_ptr<Database> opened, OpenForImport(options));
   Database& database = *opened;
   ASSIGN_OR_RETURN(const auto calibration, ReadCalibration(options.inputs, database.cell()));
-  std::string said;
+  Contradictions contradictions;
   {
     ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-    ASSIGN_OR_RETURN(const auto tested,
-                     TestCalibration(database, snapshot, calibration, options.margin));
-    said = ContradictionText(tested.contradictions, database.cell());
-    const absl::Status fits = CheckContradictions(tested.contradictions, database.cell());
+    ASSIGN_OR_RETURN(auto tested, TestCalibration(database, snapshot, calibration, options.margin));
+    contradictions = std::move(tested.contradictions);
+    const absl::Status fits = CheckContradictions(contradictions, database.cell());
     if (!fits.ok() && !options.force) {
       return absl::Status(fits.code(),
                           absl::StrCat(fits.message(), " --force imports it all the same"));
@@ -87,7 +107,8 @@ absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
     const auto stored = snapshot.Calibration();
     if (stored.ok() && *stored &&
         (*stored)->SerializeAsString() == calibration.SerializeAsString()) {
-      std::cout << "the database has this calibration already; nothing is changed" << std::endl;
+      PrintImported(options, calibration, contradictions, snapshot.generation(), false,
+                    "the database has this calibration already; nothing is changed\n");
       return kDone;
     }
   }
@@ -95,9 +116,10 @@ absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
       calibration,
       absl::StrCat("silhouette-db calibration import ", absl::StrJoin(options.inputs, " "))));
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-  std::cout << CalibrationKindOf(calibration) << " imported, generation " << snapshot.generation()
-            << "; " << said << "\n"
-            << kTakenUp << std::endl;
+  PrintImported(
+      options, calibration, contradictions, snapshot.generation(), true,
+      absl::StrCat(CalibrationKindOf(calibration), " imported, generation ", snapshot.generation(),
+                   "; ", ContradictionText(contradictions, database.cell()), "\n", kTakenUp, "\n"));
   return kDone;
 }
 
@@ -126,7 +148,8 @@ absl::StatusOr<ExitCode> CalibrationExport(const CalibrationOptions& options) {
   if (!stored) return kNo;
   ASSIGN_OR_RETURN(const auto paths,
                    WriteCalibration(*stored, opened.database->cell(), options.out));
-  for (const std::string& path : paths) std::cout << "wrote " << path << "\n";
+  PrintResult(options.format, {{"database", options.database}, {"files", paths}},
+              absl::StrCat("wrote ", absl::StrJoin(paths, "\nwrote "), "\n"));
   return kDone;
 }
 
@@ -241,6 +264,7 @@ void AddImportTo(CLI::App& parent, Work& work) {
                      "drawn");
   command.add_flag("--force", options.force, "Import it even if it contradicts the robot images");
   AddMargin(command, options);
+  AddFormatOption(command, options.format);
   command.footer(
       "Camera models are in the format of mrcal, for the view's camera images, in the robot's "
       "base\n"
@@ -262,6 +286,7 @@ void AddExportTo(CLI::App& parent, Work& work) {
       .add_option("out,--out", options.out,
                   "Folder for camera models, YAML file for fundamental matrices")
       ->required();
+  AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db calibration export cell.lmdb cameras/");
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db compact: a copy without unused pages.
-#include <iostream>
+#include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -20,8 +21,13 @@ absl::StatusOr<ExitCode> Compact(const CompactOptions& options) {
   ASSIGN_OR_RETURN(const Database::Usage before, opened.database->GetUsage());
   ASSIGN_OR_RETURN(const OpenedDatabase copy, OpenForReading(options.target));
   ASSIGN_OR_RETURN(const Database::Usage after, copy.database->GetUsage());
-  std::cout << absl::StrCat(options.database, ": ", MiB(before.file_bytes), ", ", options.target,
-                            ": ", MiB(after.file_bytes), "\n");
+  const nlohmann::ordered_json json = {{"database", options.database},
+                                       {"bytes", before.file_bytes},
+                                       {"target", options.target},
+                                       {"target_bytes", after.file_bytes}};
+  PrintResult(options.format, json,
+              absl::StrCat(options.database, ": ", MiB(before.file_bytes), ", ", options.target,
+                           ": ", MiB(after.file_bytes), "\n"));
   return kDone;
 }
 
@@ -31,6 +37,7 @@ void AddCompact(CLI::App& app, Work& work) {
   auto [command, options] = AddCommand(
       app, work, "compact", "Copies a database without its unused pages; reads only", Compact);
   command.add_option("target,--target", options.target, "New folder for the copy")->required();
+  AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db compact cell.lmdb smaller.lmdb");
 }
 

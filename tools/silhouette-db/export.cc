@@ -2,14 +2,15 @@
 // silhouette-db export: a database as a table and PNG files.
 #include <filesystem>
 #include <fstream>
-#include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
+#include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -125,9 +126,16 @@ absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
     RETURN_IF_ERROR(ExportReferences(options.folder, opened.database->cell(), *references));
   }
   RETURN_IF_ERROR(exporter.Finish());
-  std::cout << written << " records exported to " << options.folder << "/" << kConfigurationsFile;
-  if (damaged > 0) std::cout << ", " << damaged << " damaged ones left out";
-  std::cout << std::endl;
+  const std::string table = absl::StrCat(options.folder, "/", kConfigurationsFile);
+  const nlohmann::ordered_json json = {{"database", options.database},
+                                       {"table", table},
+                                       {"exported", written},
+                                       {"damaged", damaged},
+                                       {"references", references.has_value()}};
+  PrintResult(
+      options.format, json,
+      absl::StrCat(written, " records exported to ", table,
+                   damaged > 0 ? absl::StrCat(", ", damaged, " damaged ones left out") : "", "\n"));
   return damaged == 0 ? kDone : kNo;
 }
 
@@ -139,6 +147,7 @@ void AddExport(CLI::App& app, Work& work) {
       "Writes a database as a CSV table and PNG masks, for other programs or `import`", ExportHere);
   AddVariantOption(command, options.variant);
   command.add_option("folder,--folder", options.folder, "New folder")->required();
+  AddFormatOption(command, options.format);
   command.footer("Example:\n  silhouette-db export cell.lmdb masks/");
 }
 

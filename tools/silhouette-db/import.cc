@@ -5,6 +5,7 @@
 #include <fstream>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <unordered_map>
 
@@ -30,6 +31,7 @@ struct ImportOptions {
   std::string variant = schema::kDefaultVariant;
   std::string cell;
   std::string database;
+  std::string format = "text";
   bool replace = false;
   bool robot_fills_view = false;
 };
@@ -247,17 +249,23 @@ absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& option
     status = TakeReferences(*source.references, program, *database);
   }
   const std::string& path = whole.path();
-  std::cout << Counted(writer.committed(), "record") << " imported into " << path;
+  const bool complete = status.ok() && !StopRequested() && importer.faults() == 0;
+  const std::string next = complete ? absl::StrCat("silhouette-db index ", path) : "";
+  std::string text = Counted(writer.committed(), "record") + " imported into " + path;
   if (importer.there_already() > 0) {
-    std::cout << ", " << importer.there_already() << " were there already";
+    absl::StrAppend(&text, ", ", importer.there_already(), " were there already");
   }
-  std::cout << std::endl;
+  const nlohmann::ordered_json json = {{"database", path},
+                                       {"imported", writer.committed()},
+                                       {"there_already", importer.there_already()},
+                                       {"wrong_lines", importer.faults()},
+                                       {"complete", complete},
+                                       {"next", next}};
+  PrintResult(options.format, json, absl::StrCat(text, next.empty() ? "" : "\nnext: ", next, "\n"));
+  std::cout << std::flush;
+  if (complete) return kDone;
   if (!status.ok()) return status;
   if (StopRequested()) return Stopped("run it again to go on; what is imported stays");
-  if (importer.faults() == 0) {
-    std::cout << "next: silhouette-db index " << path << std::endl;
-    return kDone;
-  }
   return absl::InvalidArgumentError(
       absl::StrCat(importer.faults(),
                    importer.faults() == kMostFaults ? " lines or more are wrong; mend them"
@@ -304,7 +312,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   if (is_new && IsEmpty(*database)) {
     database.reset();
     fs::remove_all(path);
-    std::cout << "no database is made" << std::endl;
+    if (options.format == "text") std::cout << "no database is made" << std::endl;
   }
   return imported;
 }
@@ -329,6 +337,7 @@ void AddImport(CLI::App& app, Work& work) {
                    "Replace existing records instead of comparing them");
   command.add_flag("--robot-fills-view", options.robot_fills_view,
                    "Import masks that show the robot nearly everywhere, as inverted ones would");
+  AddFormatOption(command, options.format);
   command.footer(
       "configurations.csv has a column per joint of the grid, by its name (radians, or 30deg, or\n"
       "0.2m), and one per view with the path of a PNG mask, relative to the CSV: the robot white,\n"

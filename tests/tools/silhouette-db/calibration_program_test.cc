@@ -142,7 +142,9 @@ TEST_F(CalibrationProgram, ImportMakesTheDatabaseOfACellWhoseImagesAreDrawn) {
 
   const Ended ended = Run("import new cameras --cell cell.yaml");
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
-  EXPECT_THAT(ended.out, HasSubstr("2 camera models imported"));
+  EXPECT_THAT(ended.out, AllOf(HasSubstr("2 camera models imported"),
+                               HasSubstr("there are no robot images to test")));
+  EXPECT_EQ(ended.err, "") << "of no robot images there is no progress";
   const auto database = Database::Open(folder_ / "new", Database::Access::kRead);
   ASSERT_TRUE(database.ok()) << database.status();
   EXPECT_EQ((*database)->cell().name(), "drawn");
@@ -175,6 +177,20 @@ TEST_F(CalibrationProgram, CamerasGoInAndComeOutAsTheyWere) {
   outcome = Run("export db out");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, HasSubstr("'out/left.cameramodel' is there already"));
+}
+
+TEST_F(CalibrationProgram, ScriptsReadWhatImportStoredAndCheckedAndWhatExportWrote) {
+  const uint64_t before = Generation();
+  const Json imported = Json::parse(Run("import db cameras --format json").out);
+  EXPECT_EQ(imported["generation"], before + 1);
+  EXPECT_EQ(imported["kind"], "cameras");
+  EXPECT_EQ(imported["cameras"], 2);
+  EXPECT_EQ(imported["changed"], true);
+  EXPECT_EQ(imported["configurations"], 30);
+  EXPECT_EQ(imported["worst_contradicting_share"], 0);
+  EXPECT_EQ(Json::parse(Run("import db cameras --format json").out)["changed"], false);
+  const Json exported = Json::parse(Run("export db out --format json").out);
+  EXPECT_EQ(exported["files"], Json({"out/left.cameramodel", "out/top.cameramodel"}));
 }
 
 TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {

@@ -380,6 +380,36 @@ TEST_F(SilhouetteDb, ExportAndImportLoseNothing) {
   EXPECT_THAT(Run("export db out").err, HasSubstr("folder 'out' is not empty"));
 }
 
+TEST_F(SilhouetteDb, NameThatIsTooLongForAFileIsTheUsersMistake) {
+  const std::string name(256, 'x');
+  Write("cell.yaml", kTestCellFile);
+  for (const std::string& command :
+       {"info " + name, "import --cell cell.yaml --database db " + name}) {
+    const Ended ended = Run(command);
+    EXPECT_EQ(ended.exit_code, 2) << command;
+    EXPECT_THAT(ended.err, HasSubstr("shorten it to 255 characters"));
+    EXPECT_EQ(std::ranges::count(ended.err, '\n'), 1) << ended.err;
+  }
+}
+
+TEST_F(SilhouetteDb, ScriptsReadWhatWasExportedImportedAndCompacted) {
+  MakeDatabase("db", 0, {3});
+  Write("cell.yaml", kTestCellFile);
+  const Json exported = Json::parse(Run("export db out --format json").out);
+  EXPECT_EQ(exported["table"], "out/configurations.csv");
+  EXPECT_EQ(exported["exported"], 29);
+  EXPECT_EQ(exported["damaged"], 0);
+  const std::string import = "import --cell cell.yaml --database copy out --format json";
+  const Json imported = Json::parse(Run(import).out);
+  EXPECT_EQ(imported["imported"], 29);
+  EXPECT_EQ(imported["complete"], true);
+  EXPECT_EQ(imported["next"], "silhouette-db index copy");
+  EXPECT_EQ(Json::parse(Run(import).out)["there_already"], 29);
+  const Json compacted = Json::parse(Run("compact db small --format json").out);
+  EXPECT_EQ(compacted["target"], "small");
+  EXPECT_GE(compacted["bytes"], compacted["target_bytes"]);
+}
+
 TEST_F(SilhouetteDb, ImportRunAgainGoesOn) {
   MakeDatabase("db");
   Write("cell.yaml", kTestCellFile);
