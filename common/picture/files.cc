@@ -25,6 +25,8 @@ absl::Status FileError(int code, const std::string& path, const std::string& wha
     case EROFS:
     case EISDIR:
       return absl::FailedPreconditionError(message);
+    case ENAMETOOLONG:
+      return absl::InvalidArgumentError(message + "; shorten it to 255 characters");
     case ENOSPC:
     case EDQUOT:
       return absl::ResourceExhaustedError(message);

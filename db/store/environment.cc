@@ -47,6 +47,9 @@ absl::Status LmdbError(int code, const std::string& what) {
       return absl::FailedPreconditionError(what + ": no permission");
     case EROFS:
       return absl::FailedPreconditionError(what + ": the file system is read-only");
+    case ENAMETOOLONG:
+      return absl::InvalidArgumentError(what +
+                                        ": a name is too long; shorten it to 255 characters");
     case MDB_CORRUPTED:
     case MDB_PAGE_NOTFOUND:
     case MDB_INVALID:

@@ -9,6 +9,9 @@
 namespace silhouette {
 namespace {
 
+// With what files have after it, no longer than the 255 bytes of a file's name.
+constexpr size_t kLongestName = 100;
+
 MaskSize ReadMaskSize(const YamlNode& node) {
   const std::vector<int> sides = node.Values<int>(2);
   const MaskSize size{sides[0], sides[1]};
@@ -82,6 +85,10 @@ std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
     if (!names.insert(name).second) item.Fail("there is another view called '" + name + "'");
     if (name.find('/') != std::string::npos) {
       item.Fail("a view's name has no '/': files are named by it");
+    }
+    if (name.size() > kLongestName) {
+      item.Fail("a view's name has at most " + std::to_string(kLongestName) +
+                " characters: files are named by it");
     }
   }
   if (views.empty()) node.Fail("a cell has at least one view");

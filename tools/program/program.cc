@@ -186,6 +186,14 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   } catch (const std::invalid_argument& error) {
     std::cerr << app.get_name() << ": " << error.what() << std::endl;
     return kUserMistake;
+  } catch (const std::filesystem::filesystem_error& error) {
+    const bool too_long = error.code() == std::errc::filename_too_long;
+    std::cerr << app.get_name() << ": "
+              << (too_long ? absl::StrCat("'", error.path1().string(),
+                                          "': a name is too long; shorten it to 255 characters")
+                           : error.what())
+              << std::endl;
+    return too_long ? kUserMistake : kWorldFailed;
   } catch (const std::exception& error) {
     std::cerr << app.get_name() << ": " << error.what() << std::endl;
     return kWorldFailed;

@@ -98,11 +98,15 @@ TEST(Cell, MistakesInSourcesAreToldWithTheMend) {
 }
 
 TEST(Cell, ViewsNameIsAFilesName) {
-  EXPECT_THAT(std::string(Load("name: x\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\n"
-                               "grid: {steps: {a: 3}}\nviews: [{name: ../top}]\n")
-                              .status()
-                              .message()),
-              HasSubstr("a view's name has no '/'"));
+  const auto message = [](const std::string& name) {
+    return std::string(Load("name: x\nrobot: {joints: [{name: a, lower: 0, upper: 1}]}\n"
+                            "grid: {steps: {a: 3}}\nviews: [{name: " +
+                            name + "}]\n")
+                           .status()
+                           .message());
+  };
+  EXPECT_THAT(message("../top"), HasSubstr("a view's name has no '/'"));
+  EXPECT_THAT(message(std::string(101, 'x')), HasSubstr("at most 100 characters"));
 }
 
 TEST(Cell, MarginOfAViewGoesBeforeThatOfTheCell) {

@@ -230,6 +230,14 @@ TEST(Program, ExceptionsBecomeOneSentence) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "tester: no luck\n");
 }
 
+TEST(Program, NameThatIsTooLongForAFileIsTheUsersMistake) {
+  const std::string path = std::string(256, 'x') + "/cell.lmdb";
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunTester({}, [&]() -> int { return std::filesystem::exists(path) ? 0 : 1; }), 2);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            "tester: '" + path + "': a name is too long; shorten it to 255 characters\n");
+}
+
 TEST(Program, StopSignalIsNoticedAndDoesNotEndTheProcess) {
   CatchStopSignals();
   EXPECT_FALSE(StopRequested());
