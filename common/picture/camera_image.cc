@@ -10,6 +10,8 @@
 #include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/picture/image_file.h"
+
 // After <cstdio>, which they need.
 #include <jerror.h>
 #include <jpeglib.h>
@@ -89,15 +91,8 @@ bool HasNoMoreThanItsRows(std::string_view png) {
 
 std::optional<cv::Mat> DecodePngImage(std::string_view bytes) {
   if (!HasNoMoreThanItsRows(bytes)) return std::nullopt;
-  try {
-    // OpenCV does not write to what it is only to read.
-    const cv::Mat file(1, static_cast<int>(bytes.size()), CV_8UC1, const_cast<char*>(bytes.data()));
-    cv::Mat image = cv::imdecode(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    if (!image.empty()) return image;
-  } catch (const cv::Exception&) {
-    // Too large an image.
-  }
-  return std::nullopt;
+  cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+  return image.empty() ? std::nullopt : std::optional(image);
 }
 
 // JPEG.

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 
@@ -50,16 +51,7 @@ absl::StatusOr<cv::Mat> WhiteOf(const cv::Mat& image) {
 std::string EncodeMaskPng(const Mask& mask) { return EncodePng(MaskImage(mask)); }
 
 absl::StatusOr<cv::Mat> DecodeBlackAndWhite(std::string_view bytes) {
-  cv::Mat image;
-  if (!bytes.empty()) {
-    const cv::Mat input(1, static_cast<int>(bytes.size()), CV_8UC1,
-                        const_cast<char*>(bytes.data()));
-    try {
-      image = cv::imdecode(input, cv::IMREAD_UNCHANGED);
-    } catch (const cv::Exception&) {
-      image.release();
-    }
-  }
+  const cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_UNCHANGED);
   if (image.empty()) return absl::InvalidArgumentError("it is not an image");
   if (image.depth() != CV_8U && image.depth() != CV_16U) {
     return absl::InvalidArgumentError("it has neither 8 nor 16 bits a channel");

@@ -25,6 +25,7 @@
 #include "capture/session/cell_cameras.h"
 #include "capture/session/silhouette_drift.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/result/result.h"
 #include "db/mask/configuration_grid.h"
 #include "db/status/status_macros.h"
@@ -127,7 +128,7 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
   }
   for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
-    now.images.push_back(cv::imread(file, cv::IMREAD_COLOR));
+    now.images.push_back(ImageOfFile(file, cv::IMREAD_COLOR));
     if (now.images.back().empty()) return NotFound("'" + file + "' is no image");
   }
   return now;

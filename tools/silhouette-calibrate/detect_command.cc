@@ -27,6 +27,7 @@
 #include "capture/session/cell_cameras.h"
 #include "common/parallel/parallel.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/picture/picture.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
@@ -96,8 +97,8 @@ absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
     return InvalidArgument("'", path,
                            "' was cut off: its image has no end; copy it again, or remove it");
   }
-  cv::Mat image =
-      cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  cv::Mat image = ImageOfBytes(
+      file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
   if (image.empty()) {
     return InvalidArgument("'", path,
                            "' cannot be read as an image; remove it, or mend its view's "

@@ -21,6 +21,7 @@
 #include "calib/fundamental/correspondences.h"
 #include "calib/fundamental/view_pairs.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
@@ -335,7 +336,7 @@ absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArgum
       } else {
         continue;
       }
-      const Picture image = cv::imread(file, cv::IMREAD_COLOR);
+      const Picture image = ImageOfFile(file, cv::IMREAD_COLOR);
       if (image.empty()) return NotFound("'", file, "' is no image");
       images[view.name] = image;
     }

@@ -21,6 +21,7 @@
 #include "calib/poses/pose_files.h"
 #include "capture/session/travel.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
@@ -248,7 +249,7 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
   for (const std::string& frame : frames) {
     for (const std::string& view : views) {
       const fs::path file = fs::path(folder) / "images" / view / (frame + ".png");
-      const cv::Mat image = cv::imread(file.string(), cv::IMREAD_UNCHANGED);
+      const cv::Mat image = ImageOfFile(file.string(), cv::IMREAD_UNCHANGED);
       if (image.empty()) {
         return NotFound("the image '", file.string(), "' of the session is not there any more");
       }

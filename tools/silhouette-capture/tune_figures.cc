@@ -12,6 +12,7 @@
 #include "capture/segmentation/down_sampling.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/reference_images.h"
+#include "common/picture/image_file.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/segmentation_text.h"
 
@@ -150,7 +151,7 @@ absl::StatusOr<std::vector<TuneImage>> FolderImagesToTune(const Database& databa
       if (!std::filesystem::exists(path)) continue;
       TuneImage image{.name = path,
                       .view = v,
-                      .image = cv::imread(path, cv::IMREAD_ANYCOLOR),
+                      .image = ImageOfFile(path, cv::IMREAD_ANYCOLOR),
                       .reference = references[static_cast<size_t>(v)],
                       .empty = empty,
                       .recorded = std::nullopt};

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "common/picture/image_file.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -101,7 +102,7 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view
     }
     const std::string& file = files[at++];
     // Grey stays grey, 16 bits become 8, the header's rotation is not followed.
-    cv::Mat image = cv::imread(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    cv::Mat image = ImageOfFile(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
     if (image.empty())
       return absl::InvalidArgumentError(file + " is not an image that can be read");
     return image;

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/picture/palette.h"
 #include "common/picture/sheet.h"
 #include "db/status/status_macros.h"
@@ -19,18 +20,12 @@
 namespace silhouette {
 namespace {
 
-// Empty if the bytes are not an image.
-Picture Decoded(const std::string& bytes) {
-  const std::vector<uint8_t> buffer(bytes.begin(), bytes.end());
-  return buffer.empty() ? Picture() : cv::imdecode(buffer, cv::IMREAD_COLOR);
-}
-
 constexpr int kColumnWidth = 320;   // pixels
 constexpr int kPictureWidth = 256;  // pixels, on the sheet of an explanation
 
 absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(file));
-  Picture picture = Decoded(bytes);
+  Picture picture = ImageOfBytes(bytes, cv::IMREAD_COLOR);
   if (picture.empty()) {
     return absl::InvalidArgumentError(absl::StrCat("'", file, "' is not an image"));
   }
@@ -128,7 +123,8 @@ absl::StatusOr<std::vector<CaptionedPicture>> RowOf(const client::ViewPictures& 
     }
     add(camera, "camera", cv::INTER_AREA);
   }
-  for (const auto& [name, png] : ExplainImagesOf(view)) add(Decoded(png), name, cv::INTER_NEAREST);
+  for (const auto& [name, png] : ExplainImagesOf(view))
+    add(ImageOfBytes(png, cv::IMREAD_COLOR), name, cv::INTER_NEAREST);
   return row;
 }
 
