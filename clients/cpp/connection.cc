@@ -56,6 +56,11 @@ absl::Status RequireNotForked() {
       "fork, as multiprocessing's 'spawn' does, or connect in the workers alone");
 }
 
+std::string SpokenTimeout(absl::Duration timeout) {
+  const double seconds = absl::ToDoubleSeconds(timeout);
+  return seconds < 1 ? absl::StrCat(seconds * 1e3, " ms") : absl::StrCat(seconds, " s");
+}
+
 absl::Status RequireAddress(const std::string& address) {
   constexpr std::string_view kUnix = "unix:";
   if (address.starts_with(kUnix)) {
@@ -155,7 +160,7 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return absl::DeadlineExceededError(
           absl::StrCat("the server at ", address_, " did not answer within ",
-                       absl::FormatDuration(timeout), "; request less at once or allow more time"));
+                       SpokenTimeout(timeout), "; request less at once or allow more time"));
     case grpc::StatusCode::UNIMPLEMENTED:
       return absl::UnimplementedError(
           absl::StrCat("the server at ", address_, " does not know this call (",

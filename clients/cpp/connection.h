@@ -26,6 +26,9 @@
 
 namespace silhouette::client {
 
+// "200 ms", "3 s".
+std::string SpokenTimeout(absl::Duration timeout);
+
 // InvalidArgument if no server can be at this address.
 absl::Status RequireAddress(const std::string& address);
 

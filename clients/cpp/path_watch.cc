@@ -52,7 +52,7 @@ class PathWatch::Impl {
     if (!changed_.wait_for(lock, absl::ToChronoNanoseconds(bounded),
                            [this] { return newest_ || ended_; })) {
       return absl::DeadlineExceededError(
-          absl::StrCat("no new verdict on the path came within ", absl::FormatDuration(timeout)));
+          absl::StrCat("no new verdict on the path came within ", SpokenTimeout(timeout)));
     }
     // An update from before the end is outdated.
     if (ended_) return *ended_;

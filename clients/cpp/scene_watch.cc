@@ -48,7 +48,7 @@ class SceneWatch::Impl {
     if (!changed_.wait_for(lock, absl::ToChronoNanoseconds(bounded),
                            [this] { return !news_.empty() || ended_; })) {
       return absl::DeadlineExceededError(
-          absl::StrCat("nothing new came within ", absl::FormatDuration(timeout)));
+          absl::StrCat("nothing new came within ", SpokenTimeout(timeout)));
     }
     if (news_.empty()) return *ended_;
     v1::WatchScenesResponse next = std::move(news_.front());
