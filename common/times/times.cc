@@ -75,4 +75,12 @@ std::string SpokenTime(absl::Duration time) {
   return TwoParts(whole / 3600, "h", whole % 3600 / 60, "min");
 }
 
+std::string SpokenTimeAbove(absl::Duration limit, absl::Duration time) {
+  const std::string text = SpokenTime(time);
+  if (text != SpokenTime(limit)) return text;
+  return time < absl::Minutes(1)
+             ? absl::StrCat(absl::Ceil(time, absl::Milliseconds(1)) / absl::Milliseconds(1), " ms")
+             : absl::StrCat(absl::Ceil(time, absl::Seconds(1)) / absl::Seconds(1), " s");
+}
+
 }  // namespace silhouette

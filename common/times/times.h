@@ -22,4 +22,8 @@ std::optional<absl::Duration> ParseTime(std::string_view text);
 // second, above a day to the minute, rounded towards zero. ParseTime takes it.
 std::string SpokenTime(absl::Duration time);
 
+// A time that is longer than `limit`, for a message that states both: as above, but in whole
+// seconds (below a minute milliseconds), rounded up, if both would read the same.
+std::string SpokenTimeAbove(absl::Duration limit, absl::Duration time);
+
 }  // namespace silhouette

@@ -38,9 +38,9 @@ absl::StatusOr<Moment> ImageJudge::Judge(size_t view, const CameraImage& image, 
                                               "server agree"));
   }
   if (age > max_age_) {
-    return absl::DeadlineExceededError(absl::StrCat("its image was taken ", SpokenTime(age),
-                                                    " ago, longer than max_age, ",
-                                                    SpokenTime(max_age_)));
+    return absl::DeadlineExceededError(
+        absl::StrCat("its image was taken ", SpokenTimeAbove(max_age_, age),
+                     " ago, longer than max_age, ", SpokenTime(max_age_)));
   }
   const absl::Duration taken = std::min(stamp.running, arrived.running);
   if (taken < known.newest - kClockJitter) {

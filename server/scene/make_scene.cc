@@ -226,7 +226,7 @@ void FindDefects(const ServedDatabase& database, const SceneSettings& settings,
   if (scene.skew > settings.max_skew) {
     scene.defects.push_back(
         {Reason::kSceneSkewed,
-         absl::StrCat("the images were taken ", SpokenTime(scene.skew),
+         absl::StrCat("the images were taken ", SpokenTimeAbove(settings.max_skew, scene.skew),
                       " apart, more than max_skew, ", SpokenTime(settings.max_skew),
                       "; trigger the cameras together")});
   }

@@ -15,13 +15,14 @@ std::vector<SceneDefect> DefectsOf(const Scene& scene, const ServingSettings& se
                                    const Moment& now) {
   std::vector<SceneDefect> defects = scene.defects;
   const absl::Duration age = scene.AgeAt(now);
-  if (age <= settings.scene.max_age) return defects;
+  const absl::Duration max_age = settings.scene.max_age;
+  if (age <= max_age) return defects;
   const std::string why =
       settings.live == nullptr ? "publish a new scene" : FaultsOf(settings.live->StatusOfDevices());
-  defects.push_back(
-      {Reason::kSceneStale,
-       absl::StrCat("the oldest image is ", SpokenTime(absl::Trunc(age, absl::Milliseconds(1))),
-                    " old, older than max_age, ", SpokenTime(settings.scene.max_age), "; ", why)});
+  defects.push_back({Reason::kSceneStale,
+                     absl::StrCat("the oldest image is ",
+                                  SpokenTimeAbove(max_age, absl::Ceil(age, absl::Milliseconds(1))),
+                                  " old, older than max_age, ", SpokenTime(max_age), "; ", why)});
   return defects;
 }
 

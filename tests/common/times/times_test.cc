@@ -39,6 +39,14 @@ TEST(Times, AreWrittenAsPeopleReadThem) {
   EXPECT_EQ(SpokenTime(absl::InfiniteDuration()), "infinitely long");
 }
 
+TEST(Times, LongerTimeNeverReadsLikeItsLimit) {
+  EXPECT_EQ(SpokenTimeAbove(absl::Minutes(1), absl::Seconds(72)), "1 min 12 s");
+  EXPECT_EQ(SpokenTimeAbove(absl::Minutes(1), absl::Seconds(60.3)), "61 s");
+  EXPECT_EQ(SpokenTimeAbove(absl::Hours(2), absl::Hours(2) + absl::Seconds(30)), "7230 s");
+  EXPECT_EQ(SpokenTimeAbove(absl::Seconds(1), absl::Seconds(1.2)), "1.2 s");
+  EXPECT_EQ(SpokenTimeAbove(absl::Seconds(1), absl::Seconds(1.000004)), "1001 ms");
+}
+
 TEST(Times, WhatIsWrittenCanBeRead) {
   for (const double seconds : {0.0, 1e-4, 0.25, 1.5, 59.999, 60.0, 392.0, 7500.0}) {
     const absl::Duration time = absl::Seconds(seconds);
