@@ -205,7 +205,7 @@ TEST_F(LiveFaultsTest, ImageOfAnotherSizeIsMissing) {
     to.change = [](std::vector<absl::StatusOr<CameraImage>>& images) { images[2]->width = 7; };
   });
   ASSERT_TRUE(Start().ok());
-  ViewIsMissingBecause("7 x 40 pixels; the cell says 40 x 40: set the camera to that size");
+  ViewIsMissingBecause("7 x 48 pixels; the cell says 64 x 48: set the camera to that size");
 }
 
 TEST_F(LiveFaultsTest, ImagesTooFarApartAreNeverFree) {
