@@ -68,7 +68,11 @@ absl::Status RequireAddress(const std::string& address) {
   } else {
     const size_t colon = address.rfind(':');
     int port = 0;
-    if (colon != std::string::npos && colon > 0 && address.find("://") == std::string::npos &&
+    // An IPv6 number has brackets: without, its last part would pass for the port.
+    const bool ambiguous =
+        address.find("::") != std::string::npos && address.find('[') == std::string::npos;
+    if (colon != std::string::npos && colon > 0 && !ambiguous &&
+        address.find("://") == std::string::npos &&
         absl::SimpleAtoi(address.substr(colon + 1), &port) && port > 0 && port < 65536) {
       return absl::OkStatus();
     }

@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "common/text/host_port.h"
 #include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
 
@@ -33,12 +34,12 @@ bool IsLoopback(const sockaddr& address) {
 }  // namespace
 
 bool StaysOnThisMachine(const std::string& address) {
-  std::string host = address.substr(0, address.rfind(':'));
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const auto parsed = ParseHostPort(address);
+  if (!parsed) return false;
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), nullptr, &hints, &found) != 0) return false;
+  if (getaddrinfo(parsed->host.c_str(), nullptr, &hints, &found) != 0) return false;
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> infos(found, freeaddrinfo);
   for (const addrinfo* info = found; info != nullptr; info = info->ai_next) {
     if (!IsLoopback(*info->ai_addr)) return false;

@@ -4,7 +4,6 @@
 #include <arpa/inet.h>
 #include <httplib.h>
 #include <sys/resource.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -15,7 +14,6 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <semaphore>
 #include <string_view>
 #include <thread>
 #include <utility>
@@ -24,12 +22,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/time/time.h"
+#include "common/text/host_port.h"
 #include "db/status/status_macros.h"
 #include "server/gate/credentials.h"
 #include "server/page/page_calls.h"
 #include "server/page/snapshot.h"
 #include "server/page/templates.h"
 #include "server/service/defects.h"
+#include "server/service/http_server.h"
 #include "server/service/listener.h"
 
 namespace silhouette {
@@ -126,24 +126,6 @@ class Changes final : public Watcher {
   std::deque<Stop> stops_;
 };
 
-// Serves at most kMostConnections at a time; further ones wait in the backlog of the socket.
-class BoundedThreads final : public httplib::TaskQueue {
- public:
-  BoundedThreads() : threads_(CellPage::kMostConnections) {}
-  void enqueue(std::function<void()> task) override {
-    places_.acquire();
-    threads_.enqueue([this, task = std::move(task)] {
-      task();
-      places_.release();
-    });
-  }
-  void shutdown() override { threads_.shutdown(); }
-
- private:
-  std::counting_semaphore<> places_{CellPage::kMostConnections};
-  httplib::ThreadPool threads_;
-};
-
 // Whether a Host header names an address by its number, or localhost. A name could be anybody's.
 bool NamesNoForeignHost(std::string host) {
   const size_t port = host.rfind(':');
@@ -228,11 +210,7 @@ std::string TextOf(const nlohmann::json& json) {
 struct CellPage::Http {
   // The files of the page. `in_header`: what its header has for a recording.
   explicit Http(const std::string& in_header) {
-    server.new_task_queue = [] { return new BoundedThreads(); };
-    server.set_socket_options([](int socket) {
-      const int yes = 1;
-      setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
-    });
+    server.new_task_queue = [] { return new BoundedThreads(kMostConnections); };
     server.set_tcp_nodelay(true);
     server.set_payload_max_length(kMostBody);
     server.set_keep_alive_max_count(1);
@@ -426,20 +404,11 @@ absl::StatusOr<std::unique_ptr<CellPage>> CellPage::Listen(const std::string& ad
         ", which other machines reach: use 127.0.0.1, or start with --insecure if everyone in that "
         "network may see its images"));
   }
-  const size_t colon = address.rfind(':');
-  std::string host = address.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  int port = std::stoi(address.substr(colon + 1));
-  if (port == 0) {
-    port = http->server.bind_to_any_port(host);
-  } else if (!http->server.bind_to_port(host, port)) {
-    port = -1;
-  }
-  if (port < 0)
+  const std::optional<HostPort> listened = BindServer(http->server, *ParseHostPort(address));
+  if (!listened)
     return absl::FailedPreconditionError(absl::StrCat("page: cannot listen on ", address));
   RETURN_IF_ERROR(http->Listen());
-  return std::unique_ptr<CellPage>(
-      new CellPage(std::move(http), absl::StrCat(address.substr(0, colon + 1), port)));
+  return std::unique_ptr<CellPage>(new CellPage(std::move(http), listened->Text()));
 }
 
 }  // namespace silhouette

@@ -18,10 +18,11 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "common/text/host_port.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -90,16 +91,13 @@ in_port_t& PortOf(addrinfo& info) {
 
 // Sockets that listen at all addresses of "host:port" that this machine has.
 absl::StatusOr<std::vector<Descriptor>> ListenAtHost(const std::string& address) {
-  const std::string::size_type colon = address.rfind(':');
-  int number = 0;
-  if (colon == std::string::npos || colon == 0 ||
-      !absl::SimpleAtoi(address.substr(colon + 1), &number) || number < 0 || number > 65535) {
+  const std::optional<HostPort> parsed = ParseHostPort(address);
+  if (!parsed) {
     return absl::InvalidArgumentError(absl::StrCat(
         "listen address '", address, "' is not host:port, as in 127.0.0.1:50051 or [::1]:50051"));
   }
-  const std::string port = address.substr(colon + 1);
-  std::string host = address.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
+  const std::string& host = parsed->host;
+  const std::string port = absl::StrCat(parsed->port);
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
@@ -109,7 +107,7 @@ absl::StatusOr<std::vector<Descriptor>> ListenAtHost(const std::string& address)
   }
   const std::unique_ptr<addrinfo, void (*)(addrinfo*)> infos(found, freeaddrinfo);
   int problem = 0;
-  in_port_t chosen = htons(static_cast<in_port_t>(number));
+  in_port_t chosen = htons(static_cast<in_port_t>(parsed->port));
   std::vector<Descriptor> sockets;
   for (addrinfo* info = found; info != nullptr; info = info->ai_next) {
     PortOf(*info) = chosen;
@@ -180,7 +178,7 @@ absl::Status Listener::Listen(const std::string& address) {
     const in_port_t port = name.ss_family == AF_INET6
                                ? reinterpret_cast<sockaddr_in6&>(name).sin6_port
                                : reinterpret_cast<sockaddr_in&>(name).sin_port;
-    address_ = absl::StrCat(address.substr(0, address.rfind(':') + 1), ntohs(port));
+    address_ = HostPort{ParseHostPort(address)->host, ntohs(port)}.Text();
     return absl::OkStatus();
   }
   RETURN_IF_ERROR(CheckUnix(address));

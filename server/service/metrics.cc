@@ -1,29 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/metrics.h"
 
-#include <netdb.h>
+#include <httplib.h>
 #include <prometheus/collectable.h>
-#include <prometheus/exposer.h>
 #include <prometheus/metric_family.h>
-#include <sys/socket.h>
-#include <unistd.h>
+#include <prometheus/text_serializer.h>
 
 #include <algorithm>
-#include <chrono>
-#include <exception>
+#include <atomic>
 #include <limits>
-#include <stop_token>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/text/host_port.h"
+#include "server/service/http_server.h"
 #include "server/service/server.h"
 #include "server/service/serving.h"
 
 namespace silhouette {
 namespace {
+
+constexpr time_t kSilence = 1;  // seconds
 
 using prometheus::ClientMetric;
 using prometheus::MetricFamily;
@@ -211,52 +212,45 @@ class Collected : public prometheus::Collectable {
 
 }  // namespace
 
+// One scrape at a time; a client that falls silent holds up the others, and the end of the program,
+// for kSilence.
 struct Metrics::Http {
-  Http(const std::string& address, const Serving& serving)
-      : collected(std::make_shared<Collected>(serving)), exposer(address, 1) {
-    exposer.RegisterCollectable(collected);
+  explicit Http(const Serving& serving) : collected(serving) {
+    server.new_task_queue = [] { return new BoundedThreads(1); };
+    server.set_keep_alive_max_count(1);
+    server.set_keep_alive_timeout(1);
+    server.set_read_timeout(kSilence);
+    server.set_write_timeout(kSilence);
+    server.set_payload_max_length(0);
+    server.Get("/metrics", [this](const httplib::Request&, httplib::Response& response) {
+      response.set_content(prometheus::TextSerializer().Serialize(collected.Collect()),
+                           "text/plain; version=0.0.4; charset=utf-8");
+    });
+  }
+  ~Http() {
+    // stop() does not end a server that is yet to start.
+    while (thread.joinable() && !ended && !server.is_running()) std::this_thread::yield();
+    server.stop();
+    if (thread.joinable()) thread.join();
   }
 
-  std::shared_ptr<Collected> collected;
-  prometheus::Exposer exposer;
+  void Listen() {
+    thread = std::thread([this] {
+      server.listen_after_bind();
+      ended = true;
+    });
+  }
+
+  Collected collected;
+  std::atomic<bool> ended = false;
+  httplib::Server server;
+  std::thread thread;
 };
-
-namespace {
-
-// Begins a connection to "host:port", and drops it.
-void Knock(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  std::string host = address.substr(0, colon);
-  if (host.starts_with('[') && host.ends_with(']')) host = host.substr(1, host.size() - 2);
-  addrinfo hints{};
-  hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), address.substr(colon + 1).c_str(), &hints, &found) != 0) return;
-  const int connection =
-      socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, /*protocol=*/0);
-  if (connection >= 0) {
-    connect(connection, found->ai_addr, found->ai_addrlen);
-    close(connection);
-  }
-  freeaddrinfo(found);
-}
-
-}  // namespace
 
 Metrics::Metrics(std::unique_ptr<Http> http, std::string address)
     : http_(std::move(http)), address_(std::move(address)) {}
 
-Metrics::~Metrics() {
-  // The library looks every two seconds whether it is to end, or when a connection comes.
-  const std::jthread knocking([this](const std::stop_token& stop) {
-    while (!stop.stop_requested()) {
-      Knock(address_);
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-  });
-  http_.reset();
-}
+Metrics::~Metrics() = default;
 
 absl::StatusOr<std::unique_ptr<Metrics>> Metrics::Start(const std::string& address,
                                                         const Serving& serving) {
@@ -267,18 +261,13 @@ absl::StatusOr<std::unique_ptr<Metrics>> Metrics::Start(const std::string& addre
   if (absl::Status usable = CheckListenAddress(address); !usable.ok()) {
     return absl::Status(usable.code(), absl::StrCat("metrics: ", usable.message()));
   }
-  try {
-    auto http = std::make_unique<Http>(address, serving);
-    const std::vector<int> ports = http->exposer.GetListeningPorts();
-    const std::string host = address.substr(0, address.rfind(':') + 1);
-    return std::unique_ptr<Metrics>(
-        new Metrics(std::move(http), absl::StrCat(host, ports.empty() ? 0 : ports.front())));
-  } catch (const std::exception& error) {
-    return absl::FailedPreconditionError(absl::StrCat("metrics: cannot listen on ", address, " (",
-                                                      error.what(),
-                                                      "); say a host as an IPv4 number, as "
-                                                      "127.0.0.1:9464"));
+  auto http = std::make_unique<Http>(serving);
+  const std::optional<HostPort> listened = BindServer(http->server, *ParseHostPort(address));
+  if (!listened) {
+    return absl::FailedPreconditionError(absl::StrCat("metrics: cannot listen on ", address));
   }
+  http->Listen();
+  return std::unique_ptr<Metrics>(new Metrics(std::move(http), listened->Text()));
 }
 
 }  // namespace silhouette

@@ -14,8 +14,8 @@ struct Serving;
 // A small HTTP server of its own.
 class Metrics {
  public:
-  // Answers at http://ADDRESS/metrics until it is gone. `address`: "host:port", the host as a
-  // number; errors are those of CheckListenAddress. `serving` must outlive it.
+  // Answers at http://ADDRESS/metrics until it is gone. `address`: "host:port"; errors are those
+  // of CheckListenAddress. `serving` must outlive it.
   static absl::StatusOr<std::unique_ptr<Metrics>> Start(const std::string& address,
                                                         const Serving& serving);
   ~Metrics();

@@ -5,11 +5,11 @@
 #include <utility>
 #include <variant>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "capture/sim/served/grpc_robot_server.h"
 #include "capture/sim/served/simple_message_server.h"
+#include "common/text/host_port.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -25,15 +25,17 @@ struct Address {
 absl::StatusOr<Address> AddressOf(const std::string& text) {
   Address address;
   if (text.empty()) return address;
-  const size_t colon = text.rfind(':');
-  address.host = text.substr(0, colon);
-  if (colon == std::string::npos) return address;
-  int port = 0;
-  if (!absl::SimpleAtoi(text.substr(colon + 1), &port) || port < 0 || port > 65533) {
+  if (text.find(':') == std::string::npos) {
+    address.host = text;
+    return address;
+  }
+  const auto parsed = ParseHostPort(text);
+  if (!parsed || parsed->port > 65533) {
     return absl::InvalidArgumentError(
         absl::StrCat("'", text, "' is no address; give one such as 127.0.0.1:11000"));
   }
-  address.port = port;
+  address.host = parsed->host;
+  address.port = parsed->port;
   return address;
 }
 
@@ -78,9 +80,8 @@ absl::StatusOr<ServedRobot> ServeSimpleMessage(const Workplace& workplace, const
 absl::StatusOr<ServedRobot> ServeGrpc(const Address& address,
                                       const std::shared_ptr<SimulatedCell>& simulation) {
   auto controller = std::make_unique<SimulatedController>(simulation);
-  ASSIGN_OR_RETURN(auto server, GrpcRobotServer::Start(
-                                    *controller, absl::StrCat(address.host, ":",
-                                                              address.port.value_or(kGrpcPort))));
+  const HostPort listen{address.host, address.port.value_or(kGrpcPort)};
+  ASSIGN_OR_RETURN(auto server, GrpcRobotServer::Start(*controller, listen.Text()));
   const std::string at = server->address();
   ServedRobot robot;
   robot.told = {{"driver", "grpc"}, {"address", at}, {"joints", controller->joints()}};

@@ -453,6 +453,7 @@ TEST(Connect, RefusesWhatIsNoAddress) {
   }
   EXPECT_TRUE(Client::Connect("unix:/run/silhouette").ok());
   EXPECT_TRUE(Client::Connect("[::1]:50051").ok());
+  EXPECT_FALSE(Client::Connect("::1:50051").ok()) << "which could be an address without a port";
 }
 
 TEST(Database, IsReadWhole) {

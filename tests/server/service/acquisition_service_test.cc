@@ -199,6 +199,16 @@ TEST_F(AcquisitionServiceTest, AlertRulesAndDashboardNameMetricsThatExist) {
   EXPECT_GT(named, 20);
 }
 
+TEST_F(AcquisitionServiceTest, MetricsAreServedByIpv6AtAnAddressForAUrl) {
+  ServingSettings settings;
+  settings.metrics = "[::1]:0";
+  const auto server = Server::Start("127.0.0.1:0", NewDatabase(), settings);
+  if (!server.ok()) GTEST_SKIP() << "this machine has no IPv6: " << server.status();
+  const std::string address = (*server)->metrics_address();
+  EXPECT_TRUE(address.starts_with("[::1]:")) << address;
+  EXPECT_THAT(HttpGet(address, "/metrics"), HasSubstr("silhouette_"));
+}
+
 TEST_F(AcquisitionServiceTest, MetricsAddressThatCannotBeIsToldAtTheStart) {
   TestServer other(NewDatabase(), Live("127.0.0.1:0"));
   const auto status_of = [](const std::string& metrics) {
@@ -207,6 +217,7 @@ TEST_F(AcquisitionServiceTest, MetricsAddressThatCannotBeIsToldAtTheStart) {
     return Server::Start("127.0.0.1:0", NewDatabase(), settings).status();
   };
   EXPECT_EQ(status_of("nowhere").code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(status_of("::1:9464").code(), absl::StatusCode::kInvalidArgument) << "no brackets";
   EXPECT_EQ(status_of("unix:/tmp/x").code(), absl::StatusCode::kInvalidArgument);
   const absl::Status taken = status_of(other.server->metrics_address());
   EXPECT_EQ(taken.code(), absl::StatusCode::kFailedPrecondition);
