@@ -286,6 +286,9 @@ YamlMap::YamlMap(const YamlNode& node) : node_(node) {
   std::set<std::string> seen;
   for (const auto& entry : node.node_) {
     const YamlNode key(entry.first, node.file_, node.name_);
+    if (key.As<std::string>() == "<<") {
+      key.Fail("merge keys ('<<') are not supported; write the keys out");
+    }
     if (!seen.insert(key.As<std::string>()).second) {
       key.Fail("the key '" + key.As<std::string>() + "' stands there twice");
     }

@@ -48,6 +48,14 @@ TEST(StrictYaml, KeyThatStandsTwiceIsRefused) {
               HasSubstr("file.yaml:2: the key 'a' stands there twice"));
 }
 
+TEST(StrictYaml, MergeKeyIsRefusedWithItsLine) {
+  EXPECT_EQ(ErrorOf([] {
+              const YamlNode file = Parse("common: &common {a: 1}\nview:\n  <<: *common\n  b: 2\n");
+              YamlMap(YamlMap(file).Required("view"));
+            }),
+            "file.yaml:3: view: merge keys ('<<') are not supported; write the keys out");
+}
+
 TEST(StrictYaml, MissingKeyIsNamed) {
   YamlMap map(Parse("a: 1"));
   EXPECT_THAT(ErrorOf([&] { map.Required("b"); }), HasSubstr("the key 'b' is missing"));
