@@ -258,13 +258,11 @@ Findings OfCapture(const CellArguments& arguments, const CellFile& file, const T
   const auto database = OpenDatabase(file, Database::Access::kRead);
   Findings findings;
   if (absl::IsNotFound(database.status())) {
-    findings.push_back({"database", true,
-                        absl::StrCat("not there yet; next: ",
-                                     file.cell.robot.drawn && !HasSources(file.cell)
-                                         ? absl::StrCat("silhouette-db calibration import ",
-                                                        ForShell(file.database), " CAMERAS --cell ",
-                                                        ForShell(file.cell.file))
-                                         : arguments.Command("reference"))});
+    findings.push_back(
+        {"database", true,
+         absl::StrCat("not there yet; next: ", file.cell.robot.drawn && !HasSources(file.cell)
+                                                   ? ImportCamerasCommand(file)
+                                                   : arguments.Command("reference"))});
   } else if (!database.ok()) {
     return {{"database", false, std::string(database.status().message())}};
   } else {

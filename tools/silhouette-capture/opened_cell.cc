@@ -98,6 +98,16 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFil
                        : ". Masks of another size go into another database: --into FOLDER"));
 }
 
+bool HasCameraModels(const Snapshot& snapshot) {
+  const auto stored = snapshot.Calibration();
+  return stored.ok() && *stored && (*stored)->cameras_size() > 0;
+}
+
+std::string ImportCamerasCommand(const CellFile& file) {
+  return absl::StrCat("silhouette-db calibration import ", ForShell(file.database),
+                      " CAMERAS --cell ", ForShell(file.cell.file));
+}
+
 std::string BesideDatabase(const std::string& database, const std::string& ending) {
   std::string folder = database;
   while (folder.size() > 1 && folder.back() == '/') folder.pop_back();

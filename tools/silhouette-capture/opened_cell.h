@@ -55,6 +55,12 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFil
                                                                    Database::Access access,
                                                                    bool other_masks);
 
+// Whether a calibration with camera models is stored; one that is damaged counts as none.
+bool HasCameraModels(const Snapshot& snapshot);
+
+// The command that imports the camera models of the folder CAMERAS, to be typed into a shell.
+std::string ImportCamerasCommand(const CellFile& file);
+
 // The database's folder with another ending, for what is kept beside it.
 std::string BesideDatabase(const std::string& database, const std::string& ending);
 

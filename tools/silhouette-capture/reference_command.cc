@@ -82,9 +82,11 @@ bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot
 }
 
 // What is to be done next: no run captures what is drawn, and a model that is verified stays so.
-std::string NextCommand(const CellArguments& arguments, const CellFile& file, bool verified) {
+std::string NextCommand(const CellArguments& arguments, const CellFile& file,
+                        const Database& database, const Snapshot& snapshot) {
   if (!file.cell.robot.drawn) return arguments.Command("run");
-  return verified ? "" : arguments.Command("verify-model");
+  if (!HasCameraModels(snapshot)) return ImportCamerasCommand(file);
+  return HasVerifiedModel(file.cell, database, snapshot) ? "" : arguments.Command("verify-model");
 }
 
 // `not_looked_for`: what may be in the images unnoticed; empty: nothing.
@@ -255,8 +257,7 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   ASSIGN_OR_RETURN(const auto snapshot, database->Read());
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
-  const std::string next =
-      NextCommand(arguments, file, HasVerifiedModel(file.cell, *database, snapshot));
+  const std::string next = NextCommand(arguments, file, *database, snapshot);
   PrintResult(arguments.format, ReferenceJson(file, next, references, not_looked_for),
               ReferenceText(arguments, file, snapshot.size(), next, references, not_looked_for));
   return kDone;

@@ -17,15 +17,16 @@ namespace {
 
 struct Status {
   bool database = false;
-  bool drawn = false;     // no robot image is captured
-  bool verified = false;  // the model that they are drawn from
-  bool cameras = false;   // a view has one; else masks are imported
-  int references = 0;     // images per view that they were made from; 0: none
+  bool drawn = false;          // no robot image is captured
+  bool verified = false;       // the model that they are drawn from
+  bool cameras = false;        // a view has one; else masks are imported
+  bool camera_models = false;  // a calibration with them is stored
+  int references = 0;          // images per view that they were made from; 0: none
   VariantFacts variant;
 
   bool complete() const {
     if (cameras && references == 0) return false;
-    return drawn ? verified : variant.missing == 0 && variant.good();
+    return drawn ? camera_models && verified : variant.missing == 0 && variant.good();
   }
 };
 
@@ -53,14 +54,16 @@ absl::StatusOr<Status> Look(const CellFile& file) {
   if (references.has_value()) status.references = std::max(1, references->views(0).images());
   ASSIGN_OR_RETURN(const auto verification, snapshot.Verification());
   status.verified = verification.has_value();
+  status.camera_models = HasCameraModels(snapshot);
   if (no_variant) return status;
   ASSIGN_OR_RETURN(status.variant, FactsOf(**database));
   return status;
 }
 
 // The next command; empty: there is nothing left to do.
-std::string Next(const CellArguments& arguments, const Status& status) {
+std::string Next(const CellArguments& arguments, const CellFile& file, const Status& status) {
   if (status.cameras && status.references == 0) return arguments.Command("reference");
+  if (status.drawn && !status.camera_models) return ImportCamerasCommand(file);
   if (status.drawn) return status.verified ? "" : arguments.Command("verify-model");
   if (!status.cameras && !status.complete()) {
     return arguments.Command("import", "silhouette-db") +
@@ -100,7 +103,7 @@ std::string StatusText(const CellFile& file, const Status& status, const std::st
 absl::StatusOr<ExitCode> StatusRun(const CellArguments& arguments) {
   ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(arguments));
   ASSIGN_OR_RETURN(const Status status, Look(file));
-  const std::string next = Next(arguments, status);
+  const std::string next = Next(arguments, file, status);
   nlohmann::ordered_json json = {{"cell", file.cell.name},
                                  {"database", file.database},
                                  {"database_exists", status.database},

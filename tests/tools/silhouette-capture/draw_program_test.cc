@@ -28,6 +28,10 @@ class DrawProgram : public testing::Test {
   void MakeBase(double focal = 150) const {
     const Outcome made = cell_.Run({"reference", "--cell", cell_.cell(), "--database", base()});
     ASSERT_EQ(made.exit_code, 0) << made.err;
+    StoreCameras(base(), focal);
+  }
+
+  static void StoreCameras(const std::string& path, double focal = 150) {
     storage::v1::Calibration calibration;
     for (const Eigen::Vector3d& from :
          {Eigen::Vector3d(0.2, 0, 5.4), Eigen::Vector3d(5.2, 0, 1.3)}) {
@@ -40,7 +44,7 @@ class DrawProgram : public testing::Test {
           {.width = 160, .height = 120, .fx = focal, .fy = focal, .cx = 79.5, .cy = 59.5},
           pose.inverse()));
     }
-    const auto database = Database::Open(base(), Database::Access::kWrite);
+    const auto database = Database::Open(path, Database::Access::kWrite);
     ASSERT_TRUE((*database)->SetCalibration(calibration, "test").ok());
   }
 
@@ -147,6 +151,19 @@ TEST_F(DrawProgram, SaysInOneSentenceWhatIsMissing) {
   refused("states no grid");
 }
 
+TEST_F(DrawProgram, WithoutCameraModelsTheNextStepIsTheirImport) {
+  const std::string next =
+      "next: silhouette-db calibration import " + base() + " CAMERAS --cell " + cell_.cell() + "\n";
+  const auto said = [&](const std::string& subcommand) {
+    return cell_.Run({subcommand, "--cell", cell_.cell(), "--database", base()}).out;
+  };
+  EXPECT_THAT(said("reference"), HasSubstr(next));
+  EXPECT_THAT(said("status"), HasSubstr(next));
+  MakeBase();
+  EXPECT_THAT(said("reference"), HasSubstr("next: silhouette-capture verify-model"));
+  EXPECT_THAT(said("status"), HasSubstr("next: silhouette-capture verify-model"));
+}
+
 TEST_F(DrawProgram, NeverMixesTolerancesShardsOrCapturedImagesInADatabase) {
   MakeBase();
   ASSERT_EQ(Draw({"--shard", "1/4"}).exit_code, 0);
@@ -172,6 +189,7 @@ TEST_F(DrawProgram, StatusAndReportNameTheVerificationOfTheModelInsteadOfACaptur
   EXPECT_THAT(report.err, HasSubstr("are drawn: no capture is there to report on"));
   EXPECT_THAT(report.err, HasSubstr(verify));
   cell_.TakeReferences();
+  StoreCameras(cell_.database());
   const Outcome status = cell_.Run(cell_.Arguments("status"));
   EXPECT_EQ(status.exit_code, 1);
   EXPECT_THAT(status.out, HasSubstr("the model, which is not verified\nnext: " + verify));
