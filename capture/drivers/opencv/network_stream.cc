@@ -54,7 +54,9 @@ class FfmpegStream : public ImageStream {
     while (!TooLate()) {
       const int decoded = avcodec_receive_frame(decoder_, frame_);
       if (decoded == 0) return any_ = true;
-      if (decoded != AVERROR(EAGAIN) || !DecodeMore()) return false;
+      // Until the first image, what cannot be decoded is skipped: see DecodeMore.
+      const bool more = decoded == AVERROR(EAGAIN) || (decoded != AVERROR_EOF && !any_);
+      if (!more || !DecodeMore()) return false;
     }
     return false;
   }
