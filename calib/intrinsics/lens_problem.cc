@@ -117,6 +117,15 @@ Eigen::Isometry3d PoseFrom(const mrcal_pose_t& pose) {
   return PoseOf({pose.r.x, pose.r.y, pose.r.z}, {pose.t.x, pose.t.y, pose.t.z});
 }
 
+// mrcal's regularisation weighs as much as a share of all places of the lattice, of which a board
+// with Kalibr's gap has forty for each corner. With weights times this, it has its share of those
+// that count.
+double WeightScale(const LensProblem& problem) {
+  const auto seen = static_cast<double>(std::ranges::count_if(
+      problem.corners, [](const Eigen::Vector3d& corner) { return corner.z() > 0; }));
+  return std::sqrt(static_cast<double>(problem.corners.size()) / std::max(seen, 1.0));
+}
+
 // A LensProblem in mrcal's types.
 struct Arguments {
   mrcal_lensmodel_t model{};
@@ -130,6 +139,7 @@ struct Arguments {
   std::vector<mrcal_point3_t> corners;
   std::vector<int> image_sizes;
   Lattice lattice;
+  double weight_scale = 1;  // of weights, and so of residuals and derivatives, as mrcal has them
 
   int Cameras() const { return static_cast<int>(image_sizes.size() / 2); }
   int Poses() const { return static_cast<int>(cameras.size()); }
@@ -168,8 +178,9 @@ absl::StatusOr<Arguments> ArgumentsOf(const LensProblem& problem, const FreePart
         {.icam = {.intrinsics = o.camera, .extrinsics = o.camera - 1}, .iframe = o.board});
   }
   a.corners.reserve(problem.corners.size());
+  a.weight_scale = WeightScale(problem);
   for (const Eigen::Vector3d& c : problem.corners) {
-    a.corners.push_back({.xyz = {c.x(), c.y(), c.z()}});
+    a.corners.push_back({.xyz = {c.x(), c.y(), a.weight_scale * c.z()}});
   }
   for (const auto& size : problem.image_sizes) {
     a.image_sizes.insert(a.image_sizes.end(), size.begin(), size.end());
@@ -221,6 +232,8 @@ bool Evaluate(const Arguments& a, bool derivatives, Jacobian* out) {
           a.lattice.spacing, a.lattice.width, a.lattice.height, false)) {
     return false;
   }
+  for (double& x : out->x) x /= a.weight_scale;
+  for (double& value : out->values) value /= a.weight_scale;
   out->scale.assign(states, 1);
   mrcal_unpack_solver_state_vector(out->scale.data(), a.Cameras(), a.Poses(), a.Boards(), 0, 0,
                                    a.selections, &a.model);

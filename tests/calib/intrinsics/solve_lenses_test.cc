@@ -438,6 +438,23 @@ TEST(SolveLenses, LosesNoCornerOfNoiseFreeDataAndIsHardlyBiased) {
   EXPECT_LT(errors.RmsPerAxis(), 0.003);
 }
 
+TEST(SolveLenses, PlacesOfALatticeWithoutCornersDoNotBiasTheLens) {
+  std::mt19937 random(14);
+  const auto cameras = CamerasOnAnArc(1);
+  const Board board({.name = "kalibr",
+                     .rows = 6,
+                     .columns = 6,
+                     .tag_size = 0.06,
+                     .gap = 0.018,
+                     .from_bottom = true});
+  ASSERT_TRUE(board.lattice()->exact);
+  const Session session = Look(cameras, board, {.frames = 12, .spread = 0.5, .noise = 0}, random);
+  const auto solution = SolveLenses(LensCamerasOf(cameras), {board}, session.sightings);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  const Errors errors = WorkspaceErrors(cameras, session.truth, *solution, board, random);
+  EXPECT_LT(errors.RmsPerAxis(), 0.003);
+}
+
 TEST(SolveLenses, KeepsLensesThatAreGiven) {
   std::mt19937 random(15);
   const auto cameras = CamerasOnAnArc(3);
