@@ -179,7 +179,7 @@ TEST_F(WeakData, ManyCornersThatAreFarOffSpeakAgainstALensThatUsesThem) {
     for (size_t k = 0; k < sightings[i].corners.size(); ++k) {
       if ((i + k) % 3 != 0) continue;
       const double angle = turn(random_);
-      sightings[i].corners[k] += 0.85 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
+      sightings[i].corners[k] += 0.9 * Eigen::Vector2d(std::cos(angle), std::sin(angle));
     }
   }
   std::erase_if(sightings, [](const TagSighting& sighting) {
