@@ -96,7 +96,21 @@ BoardDescription SquaresFor(const BoardArguments& a) {
   return d;
 }
 
+// Throws if a side was meant in metres: no print shows so small a one.
+void RequirePrintable(const BoardArguments& a) {
+  for (const auto& [option, side] :
+       {std::pair{"--tag-size", a.tag_size}, {"--square", a.square}, {"--marker", a.marker}}) {
+    if (side > 0 && side < 1) {
+      throw std::invalid_argument(absl::StrCat(option, ": ", side,
+                                               " mm is too small to print; numbers are "
+                                               "millimetres: for metres write ",
+                                               side, "m"));
+    }
+  }
+}
+
 std::vector<Board> BoardsFor(const BoardArguments& a) {
+  RequirePrintable(a);
   if (!a.chessboard.empty() || !a.charuco.empty()) {
     return {Board(SquaresFor(a))};
   }

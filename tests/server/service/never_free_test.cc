@@ -187,7 +187,9 @@ TEST_F(FrozenCamera, ThatRepeatsARingOfImagesIsMissingUntilItGivesAnother) {
 TEST_F(FrozenCamera, IsNoneWhoseImagesAreSentAgainAtOnce) {
   for (int image = 0; image < 6; ++image) {
     EXPECT_EQ(Publish(server, image).defects_size(), 0);
-    EXPECT_EQ(Publish(server, image, absl::ZeroDuration()).defects_size(), 0);
+    for (int again = 0; again < 3; ++again) {
+      EXPECT_EQ(Publish(server, image, absl::ZeroDuration()).defects_size(), 0);
+    }
   }
 }
 

@@ -95,6 +95,9 @@ TEST_F(BoardProgram, MistakesAreOneSentenceAndWriteNothing) {
   EXPECT_EQ(Run("--tag-size -4"), 2);
   EXPECT_EQ(Run("--tag-size 30deg"), 2);
   EXPECT_THAT(err_, HasSubstr("--tag-size: '30deg' is not a length; write millimetres"));
+  EXPECT_EQ(Run("--chessboard 9x6 --square 0.025"), 2);
+  EXPECT_THAT(err_, HasSubstr("--square: 0.025 mm is too small to print"));
+  EXPECT_THAT(err_, HasSubstr("write 0.025m"));
   EXPECT_FALSE(fs::exists(folder_ / "wall.yaml"));
 }
 
