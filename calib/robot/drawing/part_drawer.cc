@@ -361,7 +361,9 @@ PartDrawer::Extent PartDrawer::Trace(const Eigen::Isometry3d& world_from_body,
   if (!(growth >= 0) || !std::isfinite(growth)) {
     throw std::invalid_argument("a body cannot grow by less than nothing");
   }
-  const Eigen::Isometry3d camera_from_body = camera_.camera_from_world() * world_from_body;
+  // As whole matrices, which the processor multiplies faster than a turn and a move.
+  const Eigen::Isometry3d camera_from_body(camera_.camera_from_world().matrix() *
+                                           world_from_body.matrix());
   ProjectedExtent seen = Project(camera_from_body, points, scratch.projected);
   if (!std::isfinite(seen.sum) || !std::isfinite(window_.scale()) ||
       !std::isfinite(window_.bend())) {
