@@ -189,8 +189,8 @@ void AddPeopleCommand(CLI::App& program, Run& run) {
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Example:\n"
-      "  silhouette-experiments people --cell capture/sim/cells/demo/cell.yaml \\\n"
-      "      --database out/demo.lmdb --episodes 50 --out out/people");
+      "  silhouette-experiments people --cell capture/sim/cells/people/cell.yaml \\\n"
+      "      --database out/people.lmdb --images drawn --episodes 50 --out out/people");
   RunWhenChosen(*command, run, arguments, people_experiment::RunPeople);
 }
 
