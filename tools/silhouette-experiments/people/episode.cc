@@ -41,6 +41,8 @@ uint64_t StreamOf(uint64_t seed, uint64_t episode, uint64_t use) {
   return mixed ^ mixed >> 29;
 }
 
+bool StatesAGrid(const Cell& cell) { return !cell.robot.drawn || cell.grid_move > 0; }
+
 class Episode {
  public:
   Episode(const Stage& stage, const EpisodeSettings& settings, int episode, Method& method,
@@ -176,7 +178,7 @@ class Episode {
     const bool blocked = arrived_short || decision_.speed == 0;
     since_plan_ += 1;
     if (!blocked || !robot_.stands() || since_plan_ < kDecisionsOfPlan) return absl::OkStatus();
-    std::vector<Configuration> way = method_.Plan(situation, stage_.database()->grid(), Goal());
+    std::vector<Configuration> way = method_.Plan(situation, stage_.joint_space(), Goal());
     since_plan_ = 0;
     if (way.size() < 2) return absl::OkStatus();
     robot_.Follow(std::move(way));
@@ -293,19 +295,33 @@ class Episode {
 
 double ReachOf(const SimulatedWorkplace& workplace) {
   const std::vector<BodyPart> parts = BodyPartsOf(workplace.robot());
-  const ConfigurationGrid& grid = workplace.cell().grid;
-  // The first joint turns the arm about the base's axis at most, or it counts as the others.
-  constexpr ConfigurationNumber kPlaces = 2000;
-  const ConfigurationNumber step = std::max<ConfigurationNumber>(1, grid.number_limit() / kPlaces);
   double reach = 0;
-  for (ConfigurationNumber number = 0; number < grid.number_limit(); number += step) {
-    if (!grid.Contains(number)) continue;
-    const Poses poses = workplace.LinkPoses(grid.At(number));
+  const auto look_at = [&](const Configuration& q) {
+    const Poses poses = workplace.LinkPoses(q);
     for (const BodyPart& part : parts) {
       for (const Eigen::Vector3d& vertex : part.mesh.vertices) {
         reach = std::max(reach, (poses[part.frame] * vertex).head<2>().norm());
       }
     }
+  };
+  const ConfigurationGrid& grid = workplace.cell().grid;
+  if (!StatesAGrid(workplace.cell())) {
+    constexpr int kRandomPlaces = 10'000;
+    Chance chance(1);
+    for (int i = 0; i < kRandomPlaces; ++i) {
+      Configuration q;
+      for (const GridJoint& joint : grid.joints()) {
+        q.push_back(chance.Uniform(joint.lower, joint.upper));
+      }
+      look_at(q);
+    }
+    return reach;
+  }
+  // The first joint turns the arm about the base's axis at most, or it counts as the others.
+  constexpr ConfigurationNumber kPlaces = 2000;
+  const ConfigurationNumber step = std::max<ConfigurationNumber>(1, grid.number_limit() / kPlaces);
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); number += step) {
+    if (grid.Contains(number)) look_at(grid.At(number));
   }
   return reach;
 }
@@ -324,6 +340,10 @@ Stage::Stage(const SimulatedWorkplace& workplace, std::shared_ptr<const ServedDa
     }
     stations_.push_back(std::move(station));
   }
+}
+
+JointSpace Stage::joint_space() const {
+  return {.grid = database_->grid(), .limits_only = !StatesAGrid(workplace_->cell())};
 }
 
 absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,

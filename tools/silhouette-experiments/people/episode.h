@@ -36,6 +36,7 @@ class Stage {
   const SimulatedWorkplace& workplace() const { return *workplace_; }
   const std::shared_ptr<const ServedDatabase>& database() const { return database_; }
   const DrawnRobot& robot() const { return robot_; }
+  JointSpace joint_space() const;
   const SpeedRule& rule() const { return rule_; }
   // The robot goes from the one to the other and back.
   const std::vector<Configuration>& stations() const { return stations_; }

@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "clients/planners/joint_search.h"
 #include "clients/planners/wave_propagation.h"
 #include "server/scene/configuration_space.h"
 
@@ -32,6 +34,45 @@ constexpr size_t kDecisionsOfApproach = 3;
 // Between places on a path at which the truth is looked at, metres.
 constexpr double kTrueStep = 0.1;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Without a grid: radians or metres of a joint, from a place to its neighbours; and how much is
+// tried for a way.
+constexpr double kJointStep = 0.15;
+constexpr int kMostMotions = 400;
+constexpr int kShortcuts = 30;
+
+// A way of motions that are free; empty: none was found.
+std::vector<Configuration> SearchWay(
+    const JointSpace& space, const Configuration& from, const Configuration& to,
+    const std::function<bool(const std::vector<Configuration>& motion)>& is_free) {
+  const auto found = SearchJoints(
+      space.grid.joints(), from, to, {.most_checks = kMostMotions, .shortcuts = kShortcuts},
+      [&](const Configuration& a, const Configuration& b) -> absl::StatusOr<bool> {
+        return is_free({a, b});
+      },
+      [] { return false; });
+  return found.ok() ? found->waypoints : std::vector<Configuration>();
+}
+
+// A step of one joint away.
+std::vector<Configuration> NeighboursOf(const JointSpace& space, const Configuration& q) {
+  std::vector<Configuration> neighbours;
+  for (int joint = 0; joint < space.grid.dimensions(); ++joint) {
+    for (const int delta : {-1, 1}) {
+      if (space.limits_only) {
+        const GridJoint& range = space.grid.joints()[static_cast<size_t>(joint)];
+        Configuration next = q;
+        double& value = next[static_cast<size_t>(joint)];
+        value = std::clamp(value + delta * kJointStep, range.lower, range.upper);
+        neighbours.push_back(std::move(next));
+      } else if (const auto here = space.grid.Nearest(q)) {
+        const auto next = space.grid.Neighbour(*space.grid.IndexOf(*here), joint, delta);
+        if (next) neighbours.push_back(space.grid.At(*next));
+      }
+    }
+  }
+  return neighbours;
+}
 
 class LightCurtain : public Method {
  public:
@@ -65,15 +106,21 @@ class PathWatch : public Method {
     const bool free = now.checker->CheckPath(now.robot.Ahead(next)).verdict.free();
     return {free ? level.speed : 0};
   }
-  std::vector<Configuration> Plan(const Situation& now, const ConfigurationGrid& grid,
+  std::vector<Configuration> Plan(const Situation& now, const JointSpace& space,
                                   const Configuration& goal) override {
     if (now.checker == nullptr) return {};
     const Checker& checker = *now.checker;
     const std::vector<Configuration> direct = {now.robot.at(), goal};
     if (checker.CheckPath(direct).verdict.free()) return direct;
-    const ConfigurationSpace space(checker.served(), policy_);
+    if (space.limits_only) {
+      return SearchWay(space, now.robot.at(), goal, [&](const std::vector<Configuration>& motion) {
+        return checker.CheckPath(motion).verdict.free();
+      });
+    }
+    const ConfigurationGrid& grid = space.grid;
+    const ConfigurationSpace map(checker.served(), policy_);
     const FreeSpace free{
-        .point = [&](ConfigurationNumber number) { return space.state(number) == State::kFree; },
+        .point = [&](ConfigurationNumber number) { return map.state(number) == State::kFree; },
         .configuration = [&](std::span<const double> q) { return checker.Check(q).free(); },
         .move =
             [&](ConfigurationNumber from, ConfigurationNumber to) {
@@ -105,21 +152,16 @@ class SpeedLevels : public Method {
     return {};
   }
 
-  std::vector<Configuration> Plan(const Situation& now, const ConfigurationGrid& grid,
+  std::vector<Configuration> Plan(const Situation& now, const JointSpace& space,
                                   const Configuration& goal) override {
     const std::vector<Configuration> direct = {now.robot.at(), goal};
     const auto along = Along(now, direct);
     if (!along) return {};
     if (along->distance >= protective_.front()) return direct;
-    const auto keeps = [&](std::span<const double> q) { return At(now, q) >= protective_.front(); };
-    const FreeSpace free{
-        .point = [&](ConfigurationNumber number) { return keeps(grid.At(number)); },
-        .configuration = keeps};
-    silhouette::Plan plan =
-        PlanByWavePropagation(grid, free, now.robot.at(), goal, {.moves = Moves::kDiagonals});
-    if (plan.found()) return plan.waypoints;
-    // As far as people permit; or out of their way.
-    return along->at_start >= protective_.front() ? direct : WayOut(now, grid);
+    if (along->at_start < protective_.front()) return WayOut(now, space);
+    std::vector<Configuration> way = WayAround(now, space, goal);
+    // Or as far as people permit.
+    return way.empty() ? direct : way;
   }
 
   double AllowedInTruth(const Situation& now) const override {
@@ -194,27 +236,39 @@ class SpeedLevels : public Method {
            along->distance >= along->at_start - kSameDistance &&
            At(now, way.back()) >= along->at_start + kGain;
   }
-  // From one grid point to the neighbour that is farthest from everybody, and on.
-  std::vector<Configuration> WayOut(const Situation& now, const ConfigurationGrid& grid) const {
+  // Keeps the distance of the slowest level; empty: none was found.
+  std::vector<Configuration> WayAround(const Situation& now, const JointSpace& space,
+                                       const Configuration& goal) const {
+    const double least = protective_.front();
+    if (space.limits_only) {
+      return SearchWay(space, now.robot.at(), goal, [&](const std::vector<Configuration>& motion) {
+        const auto along = Along(now, motion);
+        return along && along->distance >= least;
+      });
+    }
+    const auto keeps = [&](std::span<const double> q) { return At(now, q) >= least; };
+    const FreeSpace free{
+        .point = [&](ConfigurationNumber number) { return keeps(space.grid.At(number)); },
+        .configuration = keeps};
+    return PlanByWavePropagation(space.grid, free, now.robot.at(), goal,
+                                 {.moves = Moves::kDiagonals})
+        .waypoints;
+  }
+  // From one place to the neighbour that is farthest from everybody, and on.
+  std::vector<Configuration> WayOut(const Situation& now, const JointSpace& space) const {
     constexpr int kMostSteps = 6;
     std::vector<Configuration> way = {now.robot.at()};
     double farthest = At(now, way.back());
-    auto here = grid.IndexOf(*grid.Nearest(way.back()));
-    for (int step = 0; step < kMostSteps && here; ++step) {
-      auto next = here;
-      for (int joint = 0; joint < grid.dimensions(); ++joint) {
-        for (const int delta : {-1, 1}) {
-          const auto neighbour = grid.Neighbour(*here, joint, delta);
-          if (!neighbour) continue;
-          const double distance = At(now, grid.At(grid.NumberOf(*neighbour)));
-          if (distance <= farthest) continue;
-          farthest = distance;
-          next = neighbour;
-        }
+    for (int step = 0; step < kMostSteps; ++step) {
+      std::optional<Configuration> best;
+      for (Configuration& next : NeighboursOf(space, way.back())) {
+        const double distance = At(now, next);
+        if (distance <= farthest) continue;
+        farthest = distance;
+        best = std::move(next);
       }
-      if (next == here) break;
-      here = next;
-      way.push_back(grid.At(grid.NumberOf(*here)));
+      if (!best) break;
+      way.push_back(*std::move(best));
     }
     return way.size() > 1 ? way : std::vector<Configuration>();
   }
@@ -284,7 +338,7 @@ SpeedRule DefaultRule(double reach) {
   return rule;
 }
 
-std::vector<Configuration> Method::Plan(const Situation& situation, const ConfigurationGrid&,
+std::vector<Configuration> Method::Plan(const Situation& situation, const JointSpace&,
                                         const Configuration& goal) {
   return {situation.robot.at(), goal};
 }

@@ -55,6 +55,13 @@ struct Situation {
   bool inside_inner_fence = false;
 };
 
+// What a robot is planned in.
+struct JointSpace {
+  const ConfigurationGrid& grid;
+  // The cell states no grid: this one has the limits of the joints alone.
+  bool limits_only = false;
+};
+
 struct Decision {
   double speed = 0;  // allowed until the next one, m/s
   // Below the protective distance, on a way that leads away from everybody.
@@ -71,7 +78,7 @@ class Method {
   virtual std::optional<Policy> policy() const { return std::nullopt; }
   virtual Decision Decide(const Situation& situation) = 0;
   // From where the robot is, to the goal, or at least to a better place; empty: there is no way.
-  virtual std::vector<Configuration> Plan(const Situation& situation, const ConfigurationGrid& grid,
+  virtual std::vector<Configuration> Plan(const Situation& situation, const JointSpace& space,
                                           const Configuration& goal);
   // The fastest speed by its rule, by the truth; infinity: it has none.
   virtual double AllowedInTruth(const Situation& situation) const;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/capture/session/program_cell.h"
+#include "tests/folders.h"
 #include "tools/silhouette-experiments/people/figures.h"
 #include "tools/silhouette-experiments/people/method.h"
 #include "tools/silhouette-experiments/people/motion.h"
@@ -100,6 +101,51 @@ TEST_F(PeopleTest, TheRobotLeavesWhoStandsBesideItAndWaitsForWhoWalksToIt) {
     EXPECT_FALSE(leaves(angle, 1.6)) << angle;
   }
   EXPECT_GT(left, 0);
+}
+
+// An arm of six joints in a cell that states no grid, and people around it, near and farther away.
+TEST(PeopleWithoutAGrid, WaysKeepTheirDistanceAndTheWayOutIsShort) {
+  auto workplace =
+      SimulatedWorkplace::Load(SourceFolder() + "/capture/sim/cells/six_axes/cell.yaml").value();
+  const DrawnRobot arm =
+      TrueRobot(workplace, std::vector<MaskSize>(workplace.cell().views.size(), {64, 64})).value();
+  const JointSpace space{.grid = workplace.cell().grid, .limits_only = true};
+  const SpeedRule rule = DefaultRule(1.5);
+  const double least = rule.ProtectiveDistances().front();
+  const auto movement = [&](auto from, auto to) { return MovementOf(arm, from, to); };
+  const Configuration start = {-1, -0.3, 1.2, 0, 0.5, 0};
+  const Configuration goal = {1, -0.3, 1.2, 0, 0.5, 0};
+  const PathFollower robot(start, movement, rule.acceleration);
+  Truth truth(workplace, arm, 1);
+  const auto distance = [&](const Configuration& q) { return truth.Distance(q, 2); };
+  int around = 0;
+  int out = 0;
+  for (const double angle : {-2.0, -1.0, 0.0, 1.0}) {
+    for (const double radius : {0.8, 1.2}) {
+      const Person person({{.position = {radius * std::cos(angle), radius * std::sin(angle)}}}, 0);
+      truth.Set({&person, 1}, std::vector<double>{0});
+      const auto way =
+          MakeMethod("oracle", rule)->Plan({.robot = robot, .truth = truth}, space, goal);
+      if (way.empty()) continue;
+      EXPECT_EQ(way.front(), start);
+      if (distance(start) < least) {
+        ++out;
+        EXPECT_GT(distance(way.back()), distance(start)) << angle;
+        for (size_t i = 1; i < way.size(); ++i) EXPECT_LT(movement(way[i - 1], way[i]), 0.3);
+      } else if (way.size() > 2) {
+        ++around;
+        EXPECT_EQ(way.back(), goal);
+        for (size_t i = 1; i < way.size(); ++i) {
+          Configuration middle = way[i];
+          for (size_t j = 0; j < middle.size(); ++j) middle[j] = (way[i - 1][j] + way[i][j]) / 2;
+          EXPECT_GE(distance(way[i]), least) << angle;
+          EXPECT_GE(distance(middle), least) << angle;
+        }
+      }
+    }
+  }
+  EXPECT_GT(around, 0);
+  EXPECT_GT(out, 0);
 }
 
 TEST_F(PeopleTest, TheCurtainIsToldToStandAsSoonAsSomebodyIsInside) {
