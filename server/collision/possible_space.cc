@@ -102,15 +102,6 @@ class RobotQuery {
   int may_miss_;
 };
 
-bool AnyInBlock(const VoxelSet& set, const VoxelSpace::Block& block) {
-  for (int z = block.z * kPossibleSpaceEdge; z < (block.z + 1) * kPossibleSpaceEdge; ++z) {
-    for (int y = block.y * kPossibleSpaceEdge; y < (block.y + 1) * kPossibleSpaceEdge; ++y) {
-      if (set.RowOfBlock(block.x, y, z) != 0) return true;
-    }
-  }
-  return false;
-}
-
 }  // namespace
 
 PossibleSpace::PossibleSpace(const VoxelSpace& space, const ObstacleImages& images,
@@ -155,9 +146,12 @@ void PossibleSpace::FindParts(const ObstacleImages& images) {
 }
 
 std::vector<int> PossibleSpace::BlocksOf(const VoxelSet& voxels) const {
+  const std::vector<bool> with_voxels = BlocksWithVoxels(voxels);
   std::vector<int> blocks;
   for (size_t slot = 0; slot < space_.active().size(); ++slot) {
-    if (AnyInBlock(voxels, space_.active()[slot])) blocks.push_back(static_cast<int>(slot));
+    const VoxelSpace::Block& block = space_.active()[slot];
+    const int at = space_.grid().BlockAt(block.x, block.y, block.z);
+    if (with_voxels[static_cast<size_t>(at)]) blocks.push_back(static_cast<int>(slot));
   }
   return blocks;
 }

@@ -39,18 +39,39 @@ void Lower(std::span<int16_t> best, std::span<const int16_t> from, int16_t more)
   }
 }
 
-// Of one row: squares along it, `most` where no voxel is near.
-void AlongRow(std::span<const uint64_t> row, int16_t most, std::span<int16_t> squares) {
-  const auto is_set = [&](size_t x) { return (row[x / 64] >> (x % 64) & 1) != 0; };
-  const int far = static_cast<int>(squares.size()) + 256;
-  const auto lower = [&](size_t x, int& apart) {
-    apart = is_set(x) ? 0 : std::min(apart + 1, far);
-    squares[x] = std::min(squares[x], apart > 182 ? most : std::min(most, Between(apart)));
+// Squares by how many voxels apart, and the same backwards.
+struct NearSquares {
+  NearSquares(int places, int16_t most) {
+    for (int apart = 0; apart <= places; ++apart) {
+      // Farther ones do not fit, and are above `most`.
+      onwards.push_back(apart > 182 ? most : std::min(most, Between(apart)));
+    }
+    backwards.assign(onwards.rbegin(), onwards.rend());
+  }
+  std::vector<int16_t> onwards;
+  std::vector<int16_t> backwards;
+};
+
+// Of one row that has a voxel: squares along it. `near`: as long.
+void AlongRow(std::span<const uint64_t> row, const NearSquares& near, std::span<int16_t> squares) {
+  const int width = static_cast<int>(squares.size());
+  const auto copy = [&](const std::vector<int16_t>& from, int at, int first, int last) {
+    std::copy_n(from.begin() + at, last - first, squares.begin() + first);
   };
-  int apart = far;
-  for (size_t x = 0; x < squares.size(); ++x) lower(x, apart);
-  apart = far;
-  for (size_t x = squares.size(); x-- > 0;) lower(x, apart);
+  int after = 0;  // the last voxel
+  bool any = false;
+  for (size_t word = 0; word < row.size(); ++word) {
+    for (uint64_t left = row[word]; left != 0; left &= left - 1) {
+      const int x = static_cast<int>(64 * word) + std::countr_zero(left);
+      const int middle = any ? (after + x) / 2 : 0;
+      if (any) copy(near.onwards, 1, after, middle);
+      copy(near.backwards, width - x + middle, middle, x);
+      squares[static_cast<size_t>(x)] = 0;
+      after = x + 1;
+      any = true;
+    }
+  }
+  copy(near.onwards, 1, after, width);
 }
 
 // Rows along x, of `height` in each plane, and the least value of each.
@@ -130,9 +151,11 @@ SpaceDistances::SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double ran
 void SpaceDistances::AddBlocks(const VoxelsOfGrid& voxels) {
   constexpr int kEdge = VoxelGrid::kBlockEdge;
   const VoxelGrid& grid = voxels.grid;
+  const std::vector<bool> with_voxels = BlocksWithVoxels(voxels.set);
   for (int bz = 0; bz < grid.blocks(2); ++bz) {
     for (int by = 0; by < grid.blocks(1); ++by) {
       for (int bx = 0; bx < grid.blocks(0); ++bx) {
+        if (!with_voxels[static_cast<size_t>(grid.BlockAt(bx, by, bz))]) continue;
         Block block{.lower = grid.Corner(kEdge * bx, kEdge * by, kEdge * bz), .edge = grid.edge()};
         for (int row = 0; row < kEdge * kEdge; ++row) {
           const int y = kEdge * by + row % kEdge;
@@ -143,7 +166,7 @@ void SpaceDistances::AddBlocks(const VoxelsOfGrid& voxels) {
           block.voxels.extend(grid.Box(kEdge * bx + std::countr_zero(bits), y, z));
           block.voxels.extend(grid.Box(kEdge * bx + 7 - std::countl_zero(bits), y, z));
         }
-        if (!block.voxels.isEmpty()) blocks_.push_back(block);
+        blocks_.push_back(block);
       }
     }
   }
@@ -169,12 +192,12 @@ void SpaceDistances::FillMap(const VoxelSet& voxels) {
   const auto width = static_cast<size_t>(size_.x());
   Rows along_x(size_.x(), grid_.size(1), grid_.size(2), most);
   std::vector<int16_t> whole_row(static_cast<size_t>(grid_.size(0)));
+  const NearSquares near(grid_.size(0), most);
   for (int z = 0; z < grid_.size(2); ++z) {
     for (int y = 0; y < grid_.size(1); ++y) {
       const auto row = voxels.row(y, z);
       if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
-      std::ranges::fill(whole_row, most);
-      AlongRow(row, most, whole_row);
+      AlongRow(row, near, whole_row);
       along_x.Set(y, z, std::span(whole_row).subspan(first_x, width));
     }
   }

@@ -74,6 +74,34 @@ int64_t VoxelSet::Count() const {
 
 bool VoxelSet::Empty() const { return NothingSet(words_); }
 
+void VoxelSet::InsertRun(int first, int last, int y, int z) {
+  const std::span<uint64_t> words = row(y, z);
+  for (int x = first; x <= last;) {
+    const int in_word = std::min(last - x + 1, 64 - x % 64);
+    words[static_cast<size_t>(x) / 64] |= ~uint64_t{0} >> (64 - in_word) << (x % 64);
+    x += in_word;
+  }
+}
+
+std::vector<bool> BlocksWithVoxels(const VoxelSet& set) {
+  constexpr int kEdge = VoxelGrid::kBlockEdge;
+  std::vector<bool> blocks;
+  std::vector<uint64_t> any(set.row_words());
+  for (int z = 0; z < set.size(2); z += kEdge) {
+    for (int y = 0; y < set.size(1); y += kEdge) {
+      std::ranges::fill(any, 0);
+      for (int row = 0; row < kEdge * kEdge; ++row) {
+        const std::span<const uint64_t> words = set.row(y + row % kEdge, z + row / kEdge);
+        for (size_t i = 0; i < any.size(); ++i) any[i] |= words[i];
+      }
+      for (size_t x = 0; x < static_cast<size_t>(set.size(0) / kEdge); ++x) {
+        blocks.push_back((any[x / 8] >> (8 * (x % 8)) & 0xff) != 0);
+      }
+    }
+  }
+  return blocks;
+}
+
 std::pair<int, int> OtherGrid::Touched(int axis, int place) const {
   const double lower = (from_.lower()[axis] - to_.lower()[axis]) / to_.edge();
   const double edge = from_.edge() / to_.edge();
@@ -94,7 +122,9 @@ void AddTouched(const VoxelSet& voxels, const VoxelGrid& from, const VoxelGrid& 
       const auto [first_y, last_y] = other.Touched(1, y);
       for (int x = 0; x < from.size(0); ++x) {
         if (!voxels.at(x, y, z)) continue;
-        const auto [first_x, last_x] = other.Touched(0, x);
+        const int first_x = other.Touched(0, x).first;
+        while (x + 1 < from.size(0) && voxels.at(x + 1, y, z)) ++x;
+        const int last_x = other.Touched(0, x).second;
         for (int at_z = first_z; at_z <= last_z; ++at_z) {
           for (int at_y = first_y; at_y <= last_y; ++at_y) {
             set.InsertRun(first_x, last_x, at_y, at_z);

@@ -78,9 +78,7 @@ class VoxelSet {
     row(y, z)[static_cast<size_t>(x) / 64] |= uint64_t{1} << (x % 64);
   }
   // Voxels first..last of a row.
-  void InsertRun(int first, int last, int y, int z) {
-    for (int x = first; x <= last; ++x) Insert(x, y, z);
-  }
+  void InsertRun(int first, int last, int y, int z);
   // The kBlockEdge voxels of a row that lie in block `bx`, bit 0 first.
   unsigned RowOfBlock(int bx, int y, int z) const {
     return static_cast<unsigned>(row(y, z)[static_cast<size_t>(bx) / 8] >> (8 * (bx % 8))) & 0xff;
@@ -101,6 +99,9 @@ class VoxelSet {
   size_t row_words_ = 0;
   std::vector<uint64_t> words_;
 };
+
+// By block (VoxelGrid::BlockAt): whether any of its voxels is in the set.
+std::vector<bool> BlocksWithVoxels(const VoxelSet& set);
 
 // Voxels of one grid by their places in another. Refers to both, which must outlive it.
 class OtherGrid {

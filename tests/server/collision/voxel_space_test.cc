@@ -183,6 +183,42 @@ TEST(MetByBalls, HoldsExactlyTheVoxelsThatSomeBallMeets) {
   }
 }
 
+TEST(VoxelSets, OfAnotherGridTouchAllAndBlocksHoldAllOfThem) {
+  std::mt19937 random(3);
+  const VoxelGrid from({Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(8, 4, 3)}, 0.1);
+  const VoxelGrid to({Eigen::Vector3d(-0.5, -0.3, 0.2), Eigen::Vector3d(8, 4, 3)}, 0.17);
+  VoxelSet set(from);
+  for (int i = 0; i < 60; ++i) {
+    const int first = static_cast<int>(random() % 60);
+    set.InsertRun(first, first + static_cast<int>(random() % 20), static_cast<int>(random() % 40),
+                  static_cast<int>(random() % 24));
+  }
+  VoxelSet touched(to);
+  AddTouched(set, from, to, touched);
+  const std::vector<bool> blocks = BlocksWithVoxels(set);
+  VoxelSet expected(to);
+  std::vector<bool> with(static_cast<size_t>(from.blocks()));
+  const OtherGrid other(from, to);
+  for (int z = 0; z < from.size(2); ++z) {
+    for (int y = 0; y < from.size(1); ++y) {
+      for (int x = 0; x < from.size(0); ++x) {
+        if (!set.at(x, y, z)) continue;
+        with[static_cast<size_t>(from.BlockAt(x / 8, y / 8, z / 8))] = true;
+        const auto [left, right] = other.Touched(0, x);
+        const auto [front, back] = other.Touched(1, y);
+        const auto [bottom, top] = other.Touched(2, z);
+        for (int to_z = bottom; to_z <= top; ++to_z) {
+          for (int to_y = front; to_y <= back; ++to_y) {
+            for (int to_x = left; to_x <= right; ++to_x) expected.Insert(to_x, to_y, to_z);
+          }
+        }
+      }
+    }
+  }
+  EXPECT_EQ(touched, expected);
+  EXPECT_EQ(blocks, with);
+}
+
 TEST(VoxelParts, HalvesAreAllOfAPart) {
   std::mt19937_64 random(11);
   const VoxelGrid grid({Vector3d(0, 0, 0), Vector3d(72, 16, 40)}, 1);
