@@ -103,16 +103,13 @@ absl::StatusOr<DrawReport> DrawInto(Database& database, const storage::v1::Drawn
   GridDrawing drawing(database, draw, settings, writer, report);
   for (uint64_t tile = 0; tile < database.grid().tiles(); ++tile) {
     if (!HasTile(drawn, tile)) continue;
-    if (settings.progress &&
-        !settings.progress(report.kept + report.drawn, report.configurations)) {
+    if (settings.progress && !settings.progress(report)) {
       report.stopped = true;
       break;
     }
     RETURN_IF_ERROR(drawing.DrawTile(tile));
   }
-  if (settings.progress && !report.stopped) {
-    settings.progress(report.kept + report.drawn, report.configurations);
-  }
+  if (settings.progress && !report.stopped) settings.progress(report);
   return report;
 }
 

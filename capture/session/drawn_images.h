@@ -33,14 +33,6 @@ DrawMasks WholeRobot(std::shared_ptr<const DrawnRobot> robot, JointRegions forbi
 DrawMasks ArmNodes(std::shared_ptr<const DrawnRobot> robot, ConfigurationGrid grid,
                    JointRegions forbidden);
 
-struct DrawSettings {
-  std::string program;  // for the provenance log
-  size_t most_threads = std::numeric_limits<size_t>::max();
-  // Called on the calling thread before the first tile and after each, with the number of
-  // configurations that are there; false ends the drawing.
-  std::function<bool(uint64_t done, uint64_t configurations)> progress = nullptr;
-};
-
 struct DrawReport {
   uint64_t configurations = 0;  // that the database is to have
   uint64_t kept = 0;            // that it had, undamaged
@@ -50,6 +42,13 @@ struct DrawReport {
   bool stopped = false;
 
   bool complete() const { return kept + drawn == configurations; }
+};
+
+struct DrawSettings {
+  std::string program;  // for the provenance log
+  size_t most_threads = std::numeric_limits<size_t>::max();
+  // Called on the calling thread before the first tile and after each; false ends the drawing.
+  std::function<bool(const DrawReport& so_far)> progress = nullptr;
 };
 
 // Draws what the variant lacks, or has damaged, of the configurations that `drawn` says it has, and

@@ -31,16 +31,17 @@ Progress::Progress(std::string what, uint64_t total, std::string unit)
       next_(start_ + (terminal_ ? kRedraw : kPlainLine)) {}
 
 Progress::~Progress() {
-  Draw(Line(done_, absl::Now()));
+  Draw(Line(absl::Now()));
   if (terminal_) std::cerr << std::endl;
 }
 
-void Progress::Update(uint64_t done) {
+void Progress::Update(uint64_t done, uint64_t kept) {
   done_ = done;
+  kept_ = kept;
   const absl::Time now = absl::Now();
   if (now < next_) return;
   next_ = now + (terminal_ ? kRedraw : kPlainLine);
-  Draw(Line(done, now));
+  Draw(Line(now));
 }
 
 void Progress::Say(const std::string& line) {
@@ -48,8 +49,8 @@ void Progress::Say(const std::string& line) {
   std::cerr << line << std::endl;
 }
 
-std::string Progress::Line(uint64_t done, absl::Time now) const {
-  const double share = total_ == 0 ? 1 : static_cast<double>(done) / static_cast<double>(total_);
+std::string Progress::Line(absl::Time now) const {
+  const double share = total_ == 0 ? 1 : static_cast<double>(done_) / static_cast<double>(total_);
   const absl::Duration spent = now - start_;
   std::string line = absl::StrFormat("%s ", what_);
   if (terminal_) {
@@ -57,9 +58,10 @@ std::string Progress::Line(uint64_t done, absl::Time now) const {
     line += "[" + std::string(static_cast<size_t>(filled), '#') +
             std::string(static_cast<size_t>(kBarWidth - filled), '.') + "] ";
   }
-  line += absl::StrFormat("%d of %d %s (%.0f %%)", done, total_, unit_, 100 * share);
-  if (done > 0 && done < total_) {
-    const absl::Duration left = spent * ((1 - share) / share);
+  line += absl::StrFormat("%d of %d %s (%.0f %%)", done_, total_, unit_, 100 * share);
+  if (done_ > kept_ && done_ < total_) {
+    const absl::Duration left =
+        spent * (static_cast<double>(total_ - done_) / static_cast<double>(done_ - kept_));
     line += ", " + Spoken(left) + " left";
     if (left >= kClockFrom) line += ", done about " + ClockTime(now + left, now);
   } else {

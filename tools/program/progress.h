@@ -19,14 +19,15 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  // `done` parts are done; cheap enough to call for each.
-  void Update(uint64_t done);
+  // `done` parts are done; cheap enough to call for each. `kept`: of these, what an earlier run
+  // did: the time left does not rest on them.
+  void Update(uint64_t done, uint64_t kept = 0);
 
   // One line of text above the bar.
   void Say(const std::string& line);
 
  private:
-  std::string Line(uint64_t done, absl::Time now) const;
+  std::string Line(absl::Time now) const;
   void Draw(const std::string& line);
 
   const std::string what_;
@@ -36,6 +37,7 @@ class Progress {
   const absl::Time start_;
   absl::Time next_;
   uint64_t done_ = 0;
+  uint64_t kept_ = 0;
   bool drawn_ = false;
 };
 

@@ -139,12 +139,12 @@ absl::StatusOr<DrawReport> DrawWithProgress(const DrawOptions& options, Database
                                             const storage::v1::DrawnImages& drawn,
                                             const DrawMasks& draw) {
   std::optional<Progress> progress;
-  DrawSettings settings{.program = kDrawProgram,
-                        .progress = [&](uint64_t done, uint64_t configurations) {
+  DrawSettings settings{.program = kDrawProgram, .progress = [&](const DrawReport& so_far) {
                           if (!progress) {
-                            progress.emplace("robot images", configurations, "configurations");
+                            progress.emplace("robot images", so_far.configurations,
+                                             "configurations");
                           }
-                          progress->Update(done);
+                          progress->Update(so_far.kept + so_far.drawn, so_far.kept);
                           return !StopRequested();
                         }};
   if (options.threads > 0) settings.most_threads = options.threads;

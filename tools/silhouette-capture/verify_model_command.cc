@@ -151,7 +151,8 @@ absl::Status DriveToSamples(const VerifyModelOptions& options, const CellFile& f
   std::optional<Progress> progress;
   progress.emplace("images", options.sample, "configurations");
   CaptureObserver observer;
-  observer.progress = [&](uint64_t done) { progress->Update(done); };
+  const uint64_t before = samples.size();
+  observer.progress = [&](uint64_t done) { progress->Update(done, before); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
   const absl::Status status = TakeSamples(parts, sampler, model.links, options.sample,

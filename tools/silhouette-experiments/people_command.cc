@@ -118,11 +118,13 @@ absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   study.episode.rendered = arguments.masks == "rendered";
   Progress progress("people", methods.size() * static_cast<size_t>(arguments.episodes),
                     "episodes of a method");
-  ASSIGN_OR_RETURN(const auto results,
-                   video != nullptr ? Film(stage, study, *video)
-                                    : RunStudy(
-                                          stage, study, [&](size_t done) { progress.Update(done); },
-                                          StopRequested));
+  ASSIGN_OR_RETURN(
+      const auto results,
+      video != nullptr
+          ? Film(stage, study, *video)
+          : RunStudy(
+                stage, study, [&](size_t done, size_t kept) { progress.Update(done, kept); },
+                StopRequested));
   progress.Update(results.size());
   const std::vector<MethodFigures> figures = FiguresOf(results, methods);
   const nlohmann::ordered_json json = JsonOf(figures);

@@ -71,7 +71,7 @@ TEST_F(DrawIntoTest, WhatWasDrawnBeforeAnInterruptionIsKept) {
   uint64_t tiles = 0;
   const auto first =
       DrawInto(*database, DrawnBy(0, 1), Draw(),
-               {.program = "test", .progress = [&](uint64_t, uint64_t) { return ++tiles <= 2; }});
+               {.program = "test", .progress = [&](const DrawReport&) { return ++tiles <= 2; }});
   ASSERT_TRUE(first.ok()) << first.status();
   EXPECT_TRUE(first->stopped);
   EXPECT_FALSE(first->complete());

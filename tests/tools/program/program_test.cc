@@ -256,6 +256,25 @@ TEST(Progress, EndsWithALineThatTellsWhatWasDone) {
               HasSubstr("capture 4 of 4 configurations (100 %), "));
 }
 
+TEST(Progress, TimeLeftDoesNotRestOnWhatAnEarlierRunDid) {
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("capture", 1000, "configurations");
+    progress.Update(900, 900);
+  }
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              AllOf(HasSubstr("900 of 1000 configurations (90 %)"), Not(HasSubstr("left"))));
+  testing::internal::CaptureStderr();
+  {
+    Progress progress("capture", 1000, "configurations");
+    absl::SleepFor(absl::Milliseconds(20));
+    progress.Update(901, 900);
+  }
+  // At least 99 times 20 ms.
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              AllOf(HasSubstr(" left"), Not(HasSubstr(", 0."))));
+}
+
 // What `work` writes to stderr if that is a terminal.
 std::string ShownOnATerminal(const std::function<void()>& work) {
   const int terminal = posix_openpt(O_RDWR | O_NOCTTY);

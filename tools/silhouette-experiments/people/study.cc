@@ -88,7 +88,7 @@ class Keeper {
 }  // namespace
 
 absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const Study& study,
-                                                    const std::function<void(size_t)>& progress,
+                                                    const StudyProgress& progress,
                                                     const std::function<bool()>& stop) {
   std::vector<EpisodeResult> before;
   if (!study.file.empty()) {
@@ -106,6 +106,7 @@ absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const St
       if (!done.contains({episode, method})) left.emplace_back(episode, method);
     }
   }
+  const size_t kept_before = done.size();
   Keeper keeper(study, std::move(before));
   std::mutex mutex;
   absl::Status status;
@@ -116,7 +117,7 @@ absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const St
         counts.ok() ? keeper.Keep({episode, method, *std::move(counts)}) : counts.status();
     const std::lock_guard lock(mutex);
     status.Update(kept.status());
-    if (kept.ok()) progress(*kept);
+    if (kept.ok()) progress(*kept, kept_before);
     return status.ok();
   });
   RETURN_IF_ERROR(status);

@@ -22,11 +22,13 @@ struct Study {
   std::string basis;
 };
 
-// `progress`: called with how many of episodes and methods are done, of all. Sorted by episode,
-// then in the order of the methods. FailedPrecondition: the file is of a study with other settings.
-// Cancelled: `stop` said so; what is done is kept.
+// How many of episodes and methods are done, of all, and how many of these an earlier run did.
+using StudyProgress = std::function<void(size_t done, size_t kept)>;
+
+// Sorted by episode, then in the order of the methods. FailedPrecondition: the file is of a study
+// with other settings. Cancelled: `stop` said so; what is done is kept.
 absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const Study& study,
-                                                    const std::function<void(size_t)>& progress,
+                                                    const StudyProgress& progress,
                                                     const std::function<bool()>& stop);
 
 }  // namespace silhouette::people_experiment

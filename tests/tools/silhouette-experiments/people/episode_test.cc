@@ -46,7 +46,7 @@ class PeopleTest : public testing::Test {
   }
   std::vector<EpisodeResult> RunAll(const Study& study) const {
     auto results = RunStudy(
-        *stage_, study, [](size_t) {}, [] { return false; });
+        *stage_, study, [](size_t, size_t) {}, [] { return false; });
     EXPECT_TRUE(results.ok()) << results.status();
     return results.ok() ? *results : std::vector<EpisodeResult>();
   }
@@ -209,7 +209,7 @@ TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
   study.file = files_ / "episodes.jsonl";
   size_t done = 0;
   const auto stopped = RunStudy(
-      *stage_, study, [&](size_t count) { done = count; }, [&] { return done >= 2; });
+      *stage_, study, [&](size_t count, size_t) { done = count; }, [&] { return done >= 2; });
   EXPECT_EQ(stopped.status().code(), absl::StatusCode::kCancelled);
   std::ofstream(study.file, std::ios::app) << R"({"episode":2,"method":"unca)";
   EXPECT_EQ(Text(RunAll(study)), unbroken);
@@ -217,7 +217,7 @@ TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
 
   ++study.episode.seed;
   EXPECT_EQ(RunStudy(
-                *stage_, study, [](size_t) {}, [] { return false; })
+                *stage_, study, [](size_t, size_t) {}, [] { return false; })
                 .status()
                 .code(),
             absl::StatusCode::kFailedPrecondition);
