@@ -41,7 +41,10 @@ uint64_t StreamOf(uint64_t seed, uint64_t episode, uint64_t use) {
   return mixed ^ mixed >> 29;
 }
 
-bool StatesAGrid(const Cell& cell) { return !cell.robot.drawn || cell.grid_move > 0; }
+// Of all joints that move.
+bool StatesAGrid(const Cell& cell) {
+  return !cell.robot.drawn || (cell.grid_move > 0 && !cell.grid.has_any());
+}
 
 class Episode {
  public:

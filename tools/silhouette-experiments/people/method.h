@@ -58,7 +58,7 @@ struct Situation {
 // What a robot is planned in.
 struct JointSpace {
   const ConfigurationGrid& grid;
-  // The cell states no grid: this one has the limits of the joints alone.
+  // The cell states no grid of all joints: of this one the limits count alone.
   bool limits_only = false;
 };
 
