@@ -123,10 +123,12 @@ std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::s
   for (const NarrowGap& gap : sampler.AlwaysNarrow()) {
     const std::string& link = link_names[gap.link];
     if (gap.face >= 0) {
-      absl::StrAppend(&beyond, beyond.empty() ? "" : "; ", "'", link, "' is beyond ",
-                      FaceName(gap.face),
-                      " at all joint values that were tried: correct 'workspace' in the cell file, "
-                      "so that it holds the whole robot");
+      absl::StrAppendFormat(&beyond,
+                            "%s'%s' with its tolerance is beyond %s, or nearer than %.0f mm to it, "
+                            "at all joint values that were tried: correct 'workspace' in the cell "
+                            "file, so that it holds the whole robot with room to spare",
+                            beyond.empty() ? "" : "; ", link, FaceName(gap.face),
+                            1000 * kLeastKept);
       continue;
     }
     const std::string& other = link_names[gap.other];

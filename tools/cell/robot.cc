@@ -10,6 +10,7 @@
 #include <span>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "tools/cell/sections.h"
@@ -217,6 +218,12 @@ std::vector<GridJoint> StepsAsSaid(std::vector<GridJoint> joints, size_t said,
   YamlMap steps(node);
   const std::span<GridJoint> with_steps = std::span(joints).first(said);
   for (const GridJoint& joint : with_steps) steps.Optional(joint.name);  // all are known keys
+  for (const GridJoint& joint : std::span(joints).subspan(said)) {
+    const auto of_wrist = steps.Optional(joint.name);
+    if (!of_wrist) continue;
+    of_wrist->Fail(absl::StrCat("'", joint.name, "' is a joint of the wrist, as arm_joints is ",
+                                said, ": leave it out, it has one value"));
+  }
   for (GridJoint& joint : with_steps) {
     joint.steps = steps.Get<int>(joint.name);
     if (!joint.any()) continue;

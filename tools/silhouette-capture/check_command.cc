@@ -219,7 +219,8 @@ Findings OfDrawnImages(const CellFile& file) {
   const std::string text = AlwaysNarrowText(sampler, links);
   const bool beyond = std::ranges::any_of(sampler.AlwaysNarrow(),
                                           [](const NarrowGap& gap) { return gap.face >= 0; });
-  if (!text.empty()) findings.push_back({"links", !beyond, text});
+  // Good in what it is for, but verify-model does not drive the robot so.
+  if (!text.empty()) findings.push_back({"links", !beyond, text, /*doubtful=*/true});
   if (stored.calibration.cameras.empty()) return findings;
   const auto verified = VerifiedRobotOf(of, *robot, stored.verification);
   const std::string partial =

@@ -153,7 +153,7 @@ TEST_F(NewCell, CheckNamesLinksThatAlwaysTouchByTheModel) {
   };
   EXPECT_THAT(check("<visual><geometry><box size='1 1 1'/></geometry></visual>"),
               AllOf(HasSubstr("ok     robot images: drawn, of 2 parts"),
-                    HasSubstr("ok     links: by the model these links touch"),
+                    HasSubstr("NOTE   links: by the model these links touch"),
                     HasSubstr("--not-checked 'z axis' 'bridge'")));
   EXPECT_THAT(check(""), HasSubstr("FAULT  robot images: the robot 'r' has no visual"));
 }
@@ -180,7 +180,8 @@ TEST_F(NewCell, CheckNamesLimitsInDegreesAndALinkBeyondTheWorkspace) {
   EXPECT_THAT(check("lower='-18.85' upper='18.85'"), HasSubstr("ok     joint turn: its limits"));
   EXPECT_THAT(check("lower='-12.566' upper='12.566'"), Not(HasSubstr("joint turn")));
   EXPECT_THAT(check("lower='-1' upper='1'"),
-              AllOf(HasSubstr("FAULT  links: 'arm' is beyond the lower face of 'workspace'"),
+              AllOf(HasSubstr("FAULT  links: 'arm' with its tolerance is beyond the lower face of "
+                              "'workspace' across z, or nearer than 3 mm to it"),
                     HasSubstr("correct 'workspace' in the cell file")));
 }
 

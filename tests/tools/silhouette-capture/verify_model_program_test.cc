@@ -251,8 +251,9 @@ TEST_F(VerifyModelProgram, WhatIsMissingIsNamedWithItsMend) {
   Write("low.yaml", "  images: drawn\n",
         "workspace: {lower: [-1.9, -1.9, 0], upper: [1.9, 1.9, 1]}\n");
   EXPECT_THAT(mistake("low.yaml", {}),
-              HasSubstr("'upper_arm' is beyond the upper face of 'workspace' across z at all joint "
-                        "values that were tried: correct 'workspace'"));
+              HasSubstr("'upper_arm' with its tolerance is beyond the upper face of 'workspace' "
+                        "across z, or nearer than 3 mm to it, at all joint values that were tried: "
+                        "correct 'workspace'"));
   Write("narrow.yaml", "  images: drawn\n",
         "workspace: {lower: [-1.9, -1.9, 0], upper: [0.4, 1.9, 2.4]}\n");
   EXPECT_THAT(mistake("narrow.yaml", {}),
