@@ -32,6 +32,23 @@ constexpr double kFewLoose = 3;
 // What is wrong with a file; empty: nothing.
 using Fault = std::string;
 
+// Whether a facet of a text STL file has more or fewer corners than three: the fourth would not be
+// read.
+bool HasOtherThanTriangles(absl::string_view text) {
+  constexpr absl::string_view kVertex = "vertex";
+  for (size_t end = text.find("endloop"); end != text.npos; end = text.find("endloop", end + 1)) {
+    const size_t begin = text.rfind("outer", end);
+    if (begin == text.npos) continue;
+    int corners = 0;
+    for (size_t at = text.find(kVertex, begin); at < end;
+         at = text.find(kVertex, at + kVertex.size())) {
+      ++corners;
+    }
+    if (corners != 3) return true;
+  }
+  return false;
+}
+
 // In a binary one 50 bytes a triangle follow 84 bytes, of which the last four are their number.
 // Some begin with 'solid', too; those bytes of a text make a number that no file has triangles for.
 Fault OfStl(const std::string& bytes) {
@@ -45,7 +62,10 @@ Fault OfStl(const std::string& bytes) {
   const size_t word = bytes.find_first_not_of(" \t", line == std::string::npos ? 0 : line + 1);
   if (word != std::string::npos &&
       absl::StartsWithIgnoreCase(absl::string_view(bytes).substr(word), "endsolid")) {
-    return "";
+    return HasOtherThanTriangles(bytes)
+               ? "has a facet of other than three corners; export it again "
+                 "with triangles only"
+               : "";
   }
   if (!absl::StartsWith(bytes, "solid") && bytes.size() >= 84) {
     return absl::StrCat("is cut off: its header counts ", triangles, " triangles, ",
@@ -154,6 +174,9 @@ Fault OfPly(const std::string& bytes) {
   PlyNumbers numbers(absl::string_view(bytes).substr(at), format == "ascii",
                      format == "binary_big_endian");
   for (const PlyElement& element : elements) {
+    if (element.name == "tristrips" && element.rows > 0) {
+      return "has triangle strips, which are not read; export it again with faces";
+    }
     for (uint64_t row = 0; row < element.rows && !element.properties.empty(); ++row) {
       for (const PlyElement::Property& property : element.properties) {
         const auto count = property.count == 0 ? 1 : numbers.Read(property.count);

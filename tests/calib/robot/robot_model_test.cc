@@ -414,6 +414,25 @@ TEST(RobotModel, LinksThatHaveOneMeshInTwoSizesHaveTheirOwn) {
   EXPECT_EQ(sizes[2], sizes[0]);
 }
 
+// The rest of such faces would be missing from the robot.
+TEST(RobotModel, MeshWithFacesThatAreNotReadWholeIsRefused) {
+  const std::string whole = TetrahedronStl();
+  EXPECT_EQ(RefusalOf("link.stl", absl::StrReplaceAll(whole, {{"solid t", "solid vertex"}})), "");
+  const std::string quad =
+      absl::StrReplaceAll(whole, {{"vertex 0 0 0\n", "vertex 0 0 0\nvertex -1 0 0\n"}});
+  EXPECT_THAT(RefusalOf("link.stl", quad),
+              HasSubstr("link.stl' has a facet of other than three corners; export it again with "
+                        "triangles only"));
+  EXPECT_THAT(RefusalOf("link.ply",
+                        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float "
+                        "y\nproperty float z\nelement face 1\nproperty list uchar int "
+                        "vertex_indices\nelement tristrips 1\nproperty list int int "
+                        "vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n4 0 1 2 "
+                        "3\n"),
+              HasSubstr("link.ply' has triangle strips, which are not read; export it again with "
+                        "faces"));
+}
+
 TEST(RobotModel, PlyMeshWithLessThanItsHeaderCountsIsRefused) {
   const auto header = [](const std::string& format) {
     return "ply\nformat " + format +
