@@ -202,10 +202,12 @@ std::string CellText(const InitOptions& options, const RobotModel& robot,
   }
   const int width = options.image_size[0];
   const int height = options.image_size[1];
-  // Of the shape of the image.
-  const auto mask_side = [longest = std::max(width, height)](int side) {
-    constexpr int kLongest = 128;
-    return std::max(1, longest <= kLongest ? side : side * kLongest / longest);
+  // Of the shape of the image. With fewer than four camera pixels a mask pixel the frayed rims of
+  // captured masks look to verify-model like a camera that moved.
+  const int longest = std::max(width, height);
+  const int longest_of_mask = std::clamp(longest / 4, 64, 128);
+  const auto mask_side = [=](int side) {
+    return std::max(1, longest <= longest_of_mask ? side : side * longest_of_mask / longest);
   };
   absl::StrAppend(&text, "# The stationary cameras (docs/capture.md, \"Cameras\").\nviews:\n");
   for (const auto& [name, source] : sources) {

@@ -59,7 +59,7 @@ TEST_F(NewCell, ItsFileIsWrittenLoadedAndChecked) {
                                  "disk", "forbidden regions"));
 }
 
-TEST_F(NewCell, ItsMasksHaveTheShapeOfTheImagesAndTheSectionSoundIsThereAsAComment) {
+TEST_F(NewCell, ItsMasksHaveTheShapeAndAQuarterOfTheImagesAndTheSectionSoundIsThereAsAComment) {
   const auto init = [&](const std::string& width, const std::string& height) {
     std::filesystem::remove(cell_.cell());
     EXPECT_EQ(
@@ -68,7 +68,9 @@ TEST_F(NewCell, ItsMasksHaveTheShapeOfTheImagesAndTheSectionSoundIsThereAsAComme
         0);
     return LoadCell(cell_.cell())->views[0].mask_size;
   };
-  EXPECT_EQ(init("100", "80"), (MaskSize{100, 80}));
+  EXPECT_EQ(init("60", "48"), (MaskSize{60, 48}));
+  EXPECT_EQ(init("256", "256"), (MaskSize{64, 64}));
+  EXPECT_EQ(init("320", "240"), (MaskSize{80, 60}));
   EXPECT_EQ(init("1080", "1920"), (MaskSize{72, 128}));
   EXPECT_EQ(init("640", "480"), (MaskSize{128, 96}));
   EXPECT_FALSE(LoadCell(cell_.cell())->sound.has_value());
