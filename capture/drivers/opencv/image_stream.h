@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A device that sends images all the time, as StreamCamera reads it.
+// Images one after the other: of a device that sends them all the time, or of a file.
 #pragma once
 
 #include <memory>
@@ -24,6 +24,9 @@ class ImageStream {
   // Waits for the next image. False: there are no more; Open() may help.
   virtual bool Grab() = 0;
 
+  // Whether the grabbed image lost data on its way, or rests on one that did. Its pixels are wrong.
+  virtual bool damaged() const { return false; }
+
   // When the grabbed image was sent, by the sender's clock of unknown zero. Nothing: not known.
   virtual std::optional<absl::Duration> sent() const = 0;
 
@@ -32,9 +35,14 @@ class ImageStream {
   virtual cv::Mat Retrieve() = 0;
 };
 
-// A stream at `url`, read by FFmpeg. (OpenCV's own reader keeps the size with which a stream
-// begins: it repeats the last image instead of larger ones, and mixes the rows of smaller ones.)
-// Open() and Grab() give up after `timeout`. Unavailable: there are no images.
+// Videos, read by FFmpeg. (OpenCV's own reader keeps the size with which a video begins: it repeats
+// the last image instead of larger ones, and mixes the rows of smaller ones. It does not report
+// damage.)
+
+// A stream at `url`. Open() and Grab() give up after `timeout`. Unavailable: there are no images.
 std::unique_ptr<ImageStream> NetworkStream(const std::string& url, absl::Duration timeout);
+
+// A video file, turned as it says that it is to be shown. Unavailable: it is not a video.
+std::unique_ptr<ImageStream> FileStream(const std::string& file);
 
 }  // namespace silhouette

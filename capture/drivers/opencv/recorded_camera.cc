@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <functional>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
 #include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/drivers/opencv/image_stream.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/image_file.h"
 #include "db/status/status_macros.h"
@@ -58,20 +58,23 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenVideo(const std::string& view,
   if (!fs::exists(source.file, error)) {
     return absl::NotFoundError(absl::StrCat("there is no video ", source.file));
   }
-  const auto video = std::make_shared<cv::VideoCapture>(source.file, cv::CAP_FFMPEG);
-  cv::Mat first;
-  if (!video->isOpened() || !video->read(first)) {
+  const std::shared_ptr<ImageStream> video = FileStream(source.file);
+  if (!video->Open().ok() || !video->Grab() || !video->Open().ok()) {
     return absl::InvalidArgumentError(
         absl::StrCat(source.file, " is not a video that can be read"));
   }
-  video->open(source.file, cv::CAP_FFMPEG);
-  const auto next = [video, source]() -> absl::StatusOr<cv::Mat> {
-    cv::Mat image;
-    if (video->read(image)) return image;
-    if (source.repeat && video->open(source.file, cv::CAP_FFMPEG) && video->read(image)) {
-      return image;
+  const auto next = [video, source, at = 0]() mutable -> absl::StatusOr<cv::Mat> {
+    if (!video->Grab()) {
+      if (!source.repeat || !video->Open().ok() || !video->Grab()) return AtItsEnd(source.file);
+      at = 0;
     }
-    return AtItsEnd(source.file);
+    ++at;
+    cv::Mat image = video->damaged() ? cv::Mat() : video->Retrieve();
+    if (image.empty()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("image ", at, " of ", source.file, " is damaged"));
+    }
+    return image;
   };
   return std::make_unique<RecordedCamera>(view, next);
 }

@@ -99,6 +99,7 @@ class StreamCamera : public CameraSource {
     if (!stream_->Grab()) return "its images ended";
     const absl::Time arrived = absl::Now();
     const absl::Duration now = RunningNow();
+    if (stream_->damaged()) return now - in_time_ > timeout_ ? "its images come damaged" : "";
     const absl::Duration held_up = HeldUp(now);
     if (held_up <= latency_ + kInTime) {
       in_time_ = now;
@@ -199,7 +200,7 @@ class StreamCamera : public CameraSource {
   absl::Duration round_trip_;
   std::future<std::optional<absl::Duration>> measuring_;
   absl::Duration measure_at_;              // infinite: never, it cannot be measured
-  absl::Duration in_time_ = RunningNow();  // when the last image came that was not late
+  absl::Duration in_time_ = RunningNow();  // when the last image came whole and not late
   const std::unique_ptr<ImageStream> stream_;
 
   std::mutex mutex_;  // guards all below

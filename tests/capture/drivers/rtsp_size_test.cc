@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// An RTSP camera that changes the size of its images while it streams.
+// An RTSP camera whose images change their size or come damaged while it streams.
 #include <gmock/gmock.h>
 #include <gst/rtsp-server/rtsp-server.h>
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ namespace {
 
 // White, red and blue images of three sizes.
 constexpr char kThreeSizes[] =
-    "( input-selector name=size sync-streams=false ! videoconvert ! jpegenc"
+    "( input-selector name=size sync-streams=false ! videoconvert ! jpegenc name=coder"
     " ! rtpjpegpay name=pay0 pt=26"
     " videotestsrc is-live=true pattern=white"
     " ! video/x-raw,format=I420,width=320,height=240,framerate=10/1 ! size.sink_0"
@@ -74,18 +74,37 @@ class ChangingCamera {
     gst_object_unref(pad);
   }
 
+  // From now on images lack their lower half, or no more.
+  void Damage(bool damage) { damage_ = damage; }
+
  private:
   static void Configured(GstRTSPMediaFactory*, GstRTSPMedia* media, gpointer data) {
     GstElement* element = gst_rtsp_media_get_element(media);
     auto* camera = static_cast<ChangingCamera*>(data);
     camera->selector_ = gst_bin_get_by_name_recurse_up(GST_BIN(element), "size");
+    GstElement* coder = gst_bin_get_by_name_recurse_up(GST_BIN(element), "coder");
+    GstPad* coded = gst_element_get_static_pad(coder, "src");
+    gst_pad_add_probe(coded, GST_PAD_PROBE_TYPE_BUFFER, CutOff, camera, nullptr);
+    gst_object_unref(coded);
+    gst_object_unref(coder);
     gst_object_unref(element);
+  }
+
+  static GstPadProbeReturn CutOff(GstPad*, GstPadProbeInfo* info, gpointer data) {
+    if (static_cast<ChangingCamera*>(data)->damage_) {
+      GstBuffer* image = gst_buffer_make_writable(GST_PAD_PROBE_INFO_BUFFER(info));
+      constexpr gsize kHeader = 623;
+      gst_buffer_set_size(image, static_cast<gssize>((kHeader + gst_buffer_get_size(image)) / 2));
+      GST_PAD_PROBE_INFO_DATA(info) = image;
+    }
+    return GST_PAD_PROBE_OK;
   }
 
   GMainContext* context_;
   GMainLoop* loop_;
   GstRTSPServer* server_;
   std::atomic<GstElement*> selector_ = nullptr;
+  std::atomic<bool> damage_ = false;
   std::thread thread_;
 };
 
@@ -94,6 +113,15 @@ absl::StatusOr<CameraImage> TakeOne(CameraSource& camera) {
   auto images = camera.Wait(RunningNow() + camera.timeout());
   if (!images.ok()) return images.status();
   return std::move(images->front());
+}
+
+// All of it is the image, and nothing of others.
+void ExpectColour(const CameraImage& image, int size) {
+  int most_off = 0;
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
+    most_off = std::max(most_off, std::abs(image.pixels[i] - kColours[size][i % 3]));
+  }
+  EXPECT_LT(most_off, 60) << "JPEG and the reduced range of video";
 }
 
 TEST(RtspSize, ImagesHaveTheSizeThatTheCameraSends) {
@@ -115,12 +143,28 @@ TEST(RtspSize, ImagesHaveTheSizeThatTheCameraSends) {
     ASSERT_EQ(image->width, kWidths[size]);
     ASSERT_EQ(image->height, kHeights[size]);
     ASSERT_EQ(image->pixels.size(), 3u * image->width * image->height);
-    // All of it is the new image, and nothing of those before.
-    int most_off = 0;
-    for (size_t i = 0; i < image->pixels.size(); ++i) {
-      most_off = std::max(most_off, std::abs(image->pixels[i] - kColours[size][i % 3]));
-    }
-    EXPECT_LT(most_off, 60) << "JPEG and the reduced range of video";
+    ExpectColour(*image, size);
+  }
+}
+
+TEST(RtspDamage, DamagedImagesAreNotTakenAndWholeOnesComeAgain) {
+  ChangingCamera served;
+  RtspSource source;
+  source.url = served.url();
+  source.timeout = absl::Seconds(5);
+  const auto camera = OpenRtspCamera("top", source);
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  served.Show(1);
+  absl::StatusOr<CameraImage> image;
+  for (const bool damage : {false, true, false}) {
+    SCOPED_TRACE(damage);
+    served.Damage(damage);
+    const absl::Duration limit = RunningNow() + absl::Minutes(2);
+    do {
+      image = TakeOne(**camera);
+      if (image.ok() && image->width == kWidths[1]) ExpectColour(*image, 1);
+    } while (image.ok() == damage && RunningNow() < limit);
+    ASSERT_EQ(image.ok(), !damage) << image.status();
   }
 }
 

@@ -2,8 +2,12 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/display.h>
 #include <libswscale/swscale.h>
 }
+
+#include <cmath>
+#include <opencv2/core.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "capture/devices/running_clock.h"
@@ -46,20 +50,32 @@ class FfmpegStream : public ImageStream {
     avcodec_free_context(&decoder_);
     avformat_close_input(&input_);
     any_ = false;
+    damaged_ = false;
+    damaged_until_ = AV_NOPTS_VALUE;
   }
 
   bool Grab() override {
     if (decoder_ == nullptr) return false;
     GiveUpAfterTimeout();
     while (!TooLate()) {
-      const int decoded = avcodec_receive_frame(decoder_, frame_);
-      if (decoded == 0) return any_ = true;
-      // Until the first image, what cannot be decoded is skipped: see DecodeMore.
-      const bool more = decoded == AVERROR(EAGAIN) || (decoded != AVERROR_EOF && !any_);
-      if (!more || !DecodeMore()) return false;
+      int result = avcodec_receive_frame(decoder_, frame_);
+      if (result == 0) {
+        NoteDamage();
+        if (any_ || !damaged_) return any_ = true;
+        continue;
+      }
+      if (result == AVERROR_EOF) return false;
+      if (result == AVERROR(EAGAIN)) {
+        if (!ReadMore()) return false;
+        result = Decode();
+      }
+      // It may begin amid images that cannot be decoded without those before.
+      if (result < 0 && any_) return damaged_ = true;
     }
     return false;
   }
+
+  bool damaged() const override { return damaged_; }
 
   std::optional<absl::Duration> sent() const override {
     if (frame_->best_effort_timestamp == AV_NOPTS_VALUE) return std::nullopt;
@@ -78,10 +94,23 @@ class FfmpegStream : public ImageStream {
     const auto step = static_cast<int>(rows.step);
     const int converted =
         sws_scale(converter_, frame_->data, frame_->linesize, 0, height, &rows.data, &step);
-    return converted == height ? rows.colRange(0, width).clone() : cv::Mat();
+    return converted == height ? Turned(rows.colRange(0, width)) : cv::Mat();
   }
 
  private:
+  // As a file says that it is to be shown.
+  cv::Mat Turned(const cv::Mat& image) const {
+    const uint8_t* display =
+        av_stream_get_side_data(input_->streams[video_], AV_PKT_DATA_DISPLAYMATRIX, nullptr);
+    const double angle =
+        display != nullptr ? av_display_rotation_get(reinterpret_cast<const int32_t*>(display)) : 0;
+    const int quarters = std::isnan(angle) ? 0 : static_cast<int>(std::lround(angle / 90)) & 3;
+    if (quarters == 0) return image.clone();
+    cv::Mat turned;
+    cv::rotate(image, turned, 3 - quarters);
+    return turned;
+  }
+
   void GiveUpAfterTimeout() { give_up_ = RunningNow() + timeout_; }
   bool TooLate() const { return RunningNow() > give_up_; }
 
@@ -110,21 +139,45 @@ class FfmpegStream : public ImageStream {
     if (codec == nullptr) return AVERROR_DECODER_NOT_FOUND;
     decoder_ = avcodec_alloc_context3(codec);
     const int result = avcodec_parameters_to_context(decoder_, video);
+    // A JPEG's decoder does not mark what it patches over: it must fail instead.
+    if (video->codec_id == AV_CODEC_ID_MJPEG) decoder_->err_recognition |= AV_EF_EXPLODE;
     // Threads that decode one image each would hold back as many images.
     decoder_->thread_type = FF_THREAD_SLICE;
     decoder_->thread_count = 0;
     return result < 0 ? result : avcodec_open2(decoder_, codec, nullptr);
   }
 
-  // False: the stream ended or is damaged.
-  bool DecodeMore() {
-    const int read = av_read_frame(input_, packet_);
-    if (read == AVERROR(EAGAIN)) return true;
-    if (read < 0) return false;
-    const int sent = packet_->stream_index == video_ ? avcodec_send_packet(decoder_, packet_) : 0;
+  // Reads a packet of the video, or an empty one at the end. False: there is nothing more to read.
+  bool ReadMore() {
     av_packet_unref(packet_);
-    // It may begin amid images that cannot be decoded without those before.
-    return sent >= 0 || !any_;
+    for (;;) {
+      const int read = av_read_frame(input_, packet_);
+      if (read == AVERROR_EOF) return true;
+      if (read < 0 && read != AVERROR(EAGAIN)) return false;
+      if (read >= 0 && packet_->stream_index == video_) return true;
+      av_packet_unref(packet_);
+      if (TooLate()) return false;
+    }
+  }
+
+  // Decodes the packet. Returns FFmpeg's error, or 0.
+  int Decode() {
+    if (packet_->size > 0 && (packet_->flags & AV_PKT_FLAG_CORRUPT) != 0) {
+      damaged_ = true;
+      damaged_until_ = packet_->pts;
+    }
+    return avcodec_send_packet(decoder_, packet_);
+  }
+
+  // A damaged image damages those that are coded as changes of it: all until a later key image.
+  void NoteDamage() {
+    if (frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0) {
+      damaged_ = true;
+    } else if (frame_->key_frame != 0 && (damaged_until_ == AV_NOPTS_VALUE ||
+                                          frame_->best_effort_timestamp > damaged_until_)) {
+      damaged_ = false;
+      damaged_until_ = AV_NOPTS_VALUE;
+    }
   }
 
   const std::string url_;
@@ -137,12 +190,18 @@ class FfmpegStream : public ImageStream {
   AVPacket* packet_ = av_packet_alloc();
   int video_ = 0;     // its place among the streams of input_
   bool any_ = false;  // images since it was opened
+  bool damaged_ = false;
+  int64_t damaged_until_ = AV_NOPTS_VALUE;  // when the last damaged packet is shown, if known
 };
 
 }  // namespace
 
 std::unique_ptr<ImageStream> NetworkStream(const std::string& url, absl::Duration timeout) {
   return std::make_unique<FfmpegStream>(url, timeout);
+}
+
+std::unique_ptr<ImageStream> FileStream(const std::string& file) {
+  return std::make_unique<FfmpegStream>("file:" + file, absl::InfiniteDuration());
 }
 
 }  // namespace silhouette
