@@ -2,6 +2,7 @@
 #include "db/store/environment.h"
 
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "db/status/status_macros.h"
 #include "db/store/read_at.h"
+#include "db/store/schema.h"
 
 namespace silhouette {
 namespace {
@@ -31,6 +33,17 @@ struct PageHead {
 
 constexpr size_t kMapStep = size_t{1} << 20;
 
+// LMDB calls it EIO if a write is cut short, as by a disk that becomes full within it or a file
+// that becomes as large as it may.
+int WhyCutShort(const std::string& folder) {
+  std::error_code error;
+  if (std::filesystem::space(folder, error).available < (1 << 16)) return ENOSPC;
+  const auto size = std::filesystem::file_size(folder + "/" + schema::kDataFile, error);
+  rlimit most;
+  const bool largest = !error && getrlimit(RLIMIT_FSIZE, &most) == 0 && size >= most.rlim_cur;
+  return largest ? EFBIG : EIO;
+}
+
 }  // namespace
 
 absl::Status LmdbError(int code, const std::string& what) {
@@ -42,6 +55,9 @@ absl::Status LmdbError(int code, const std::string& what) {
     case MDB_READERS_FULL:
     case MDB_MAP_FULL:
       return absl::ResourceExhaustedError(absl::StrCat(what, ": ", mdb_strerror(code)));
+    case EFBIG:
+      return absl::ResourceExhaustedError(
+          what + ": the file would be larger than 'ulimit -f' permits; raise that and try again");
     case EACCES:
     case EPERM:
       return absl::FailedPreconditionError(what + ": no permission");
@@ -122,9 +138,7 @@ absl::Status Environment::ReadError(int code) const {
 }
 
 absl::Status Environment::WriteError(int code) const {
-  // A disk that becomes full within a write cuts it short; LMDB calls that EIO.
-  std::error_code error;
-  if (code == EIO && std::filesystem::space(folder_, error).available < (1 << 16)) code = ENOSPC;
+  if (code == EIO) code = WhyCutShort(folder_);
   return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be written"));
 }
 

@@ -668,7 +668,19 @@ TEST_F(SilhouetteDb, ACopyAboveTheLargestFileIsAnError) {
   const Ended outcome = shell.Run("ulimit -f 16; " + ProgramFolder() + "/silhouette-db compact '" +
                                   (folder_ / "db").string() + "' small");
   EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("File too large"));
+  EXPECT_THAT(outcome.err, HasSubstr("larger than 'ulimit -f' permits"));
+}
+
+TEST_F(SilhouetteDb, ADatabaseAboveTheLargestFileIsAnErrorThatNamesTheLimit) {
+  MakeDatabase("db");
+  Write("cell.yaml", kTestCellFile);
+  EXPECT_EQ(Run("export db out").exit_code, 0);
+  const Shell shell;
+  const Ended outcome =
+      shell.Run("cd '" + folder_.string() + "' && ulimit -f 40 && " + ProgramFolder() +
+                "/silhouette-db import out --cell cell.yaml --database other");
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("larger than 'ulimit -f' permits"));
 }
 
 TEST_F(SilhouetteDb, CompactCopiesEverything) {
