@@ -58,7 +58,7 @@ void AlongRow(std::span<const uint64_t> row, const NearSquares& near, std::span<
   const auto copy = [&](const std::vector<int16_t>& from, int at, int first, int last) {
     std::copy_n(from.begin() + at, last - first, squares.begin() + first);
   };
-  int after = 0;  // the last voxel
+  int after = 0;  // place after the last voxel
   bool any = false;
   for (size_t word = 0; word < row.size(); ++word) {
     for (uint64_t left = row[word]; left != 0; left &= left - 1) {
