@@ -22,7 +22,9 @@ constexpr int kBeyondRow = 32;
 
 class FfmpegStream : public ImageStream {
  public:
-  FfmpegStream(const std::string& url, absl::Duration timeout) : url_(url), timeout_(timeout) {
+  // `joined`: it may begin amid images that cannot be decoded without those before.
+  FfmpegStream(const std::string& url, absl::Duration timeout, bool joined)
+      : url_(url), timeout_(timeout), joined_(joined) {
     av_log_set_level(AV_LOG_QUIET);  // statuses report what went wrong
   }
   ~FfmpegStream() override {
@@ -49,7 +51,7 @@ class FfmpegStream : public ImageStream {
   void Close() override {
     avcodec_free_context(&decoder_);
     avformat_close_input(&input_);
-    any_ = false;
+    begun_ = !joined_;
     damaged_ = false;
     damaged_until_ = AV_NOPTS_VALUE;
   }
@@ -61,7 +63,7 @@ class FfmpegStream : public ImageStream {
       int result = avcodec_receive_frame(decoder_, frame_);
       if (result == 0) {
         NoteDamage();
-        if (any_ || !damaged_) return any_ = true;
+        if (begun_ || !damaged_) return begun_ = true;
         continue;
       }
       if (result == AVERROR_EOF) return false;
@@ -69,8 +71,7 @@ class FfmpegStream : public ImageStream {
         if (!ReadMore()) return false;
         result = Decode();
       }
-      // It may begin amid images that cannot be decoded without those before.
-      if (result < 0 && any_) return damaged_ = true;
+      if (result < 0 && begun_) return damaged_ = true;
     }
     return false;
   }
@@ -182,14 +183,15 @@ class FfmpegStream : public ImageStream {
 
   const std::string url_;
   const absl::Duration timeout_;
+  const bool joined_;
   absl::Duration give_up_;  // when what is going on now ends without success
   AVFormatContext* input_ = nullptr;
   AVCodecContext* decoder_ = nullptr;
   SwsContext* converter_ = nullptr;
   AVFrame* frame_ = av_frame_alloc();
   AVPacket* packet_ = av_packet_alloc();
-  int video_ = 0;     // its place among the streams of input_
-  bool any_ = false;  // images since it was opened
+  int video_ = 0;       // its place among the streams of input_
+  bool begun_ = false;  // images that are damaged count, too
   bool damaged_ = false;
   int64_t damaged_until_ = AV_NOPTS_VALUE;  // when the last damaged packet is shown, if known
 };
@@ -197,11 +199,11 @@ class FfmpegStream : public ImageStream {
 }  // namespace
 
 std::unique_ptr<ImageStream> NetworkStream(const std::string& url, absl::Duration timeout) {
-  return std::make_unique<FfmpegStream>(url, timeout);
+  return std::make_unique<FfmpegStream>(url, timeout, /*joined=*/true);
 }
 
 std::unique_ptr<ImageStream> FileStream(const std::string& file) {
-  return std::make_unique<FfmpegStream>("file:" + file, absl::InfiniteDuration());
+  return std::make_unique<FfmpegStream>("file:" + file, absl::InfiniteDuration(), /*joined=*/false);
 }
 
 }  // namespace silhouette
