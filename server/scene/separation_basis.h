@@ -47,6 +47,10 @@ class SeparationBasis {
   double unseen_share() const { return unseen_share_; }
   // Distances are at most this, metres.
   double range() const { return range_; }
+  // Metres, the diameter of the least obstacle. No path is known to lead away whose beginning is
+  // nearer: beside the robot something thinner, such as a hand, may be nearer than the distance
+  // says (docs/separation.md).
+  double leave_from() const { return 2 * space_.least_obstacle(); }
 
   // From what may hold somebody in a scene: what PossibleSpace leaves of the zone. `near`: what it
   // leaves where the robot reaches, in the finer voxels of the sound presets. The other arguments

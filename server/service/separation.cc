@@ -23,7 +23,7 @@ constexpr int64_t kMostPlaces = 50'000;
 // A scene may be followed by the next so much later than any of the last ones.
 constexpr double kLateScene = 1.25;
 // A path leads away though the robot comes nearer by so much on it, metres: distances are told in
-// steps of voxels. Whether one does that begins as near as that is not known.
+// steps of voxels.
 constexpr double kSameDistance = 0.02;
 // As a horizon.
 constexpr double kAllOfIt = std::numeric_limits<double>::infinity();
@@ -99,14 +99,14 @@ std::optional<KeptLevels> LevelsKeptOn(const Serving& serving, const Checker& ch
   return kept;
 }
 
-void ToMessage(const KeptLevels& kept, const SeparationSettings& settings,
+void ToMessage(const KeptLevels& kept, const SeparationSettings& settings, double leave_from,
                v1::Separation& message) {
   message.set_level(static_cast<int>(kept.count));
   if (kept.count > 0) message.set_level_name(settings.levels[kept.count - 1].name);
   message.set_distance(kept.path.distance);
   message.mutable_nearest()->set_segment(kept.path.segment);
   message.mutable_nearest()->set_fraction(kept.path.fraction);
-  message.set_leads_away(kept.path.at_start > kSameDistance &&
+  message.set_leads_away(kept.path.at_start > leave_from &&
                          kept.path.distance >= kept.path.at_start - kSameDistance);
   message.mutable_protective_distances()->Assign(kept.distances.begin(), kept.distances.end());
   message.set_image_age(absl::ToDoubleSeconds(kept.image_age));
@@ -151,7 +151,7 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
     separation->set_unknown_reason(ToMessage(reason));
     return absl::OkStatus();
   }
-  ToMessage(*kept, settings, *separation);
+  ToMessage(*kept, settings, basis->leave_from(), *separation);
   ToMessage(std::min(kept->image_age - served.scene->AgeAt(now),
                      ValidFor(of_now, sound, serving.settings.scene, now)),
             separation->mutable_valid_for());

@@ -50,7 +50,8 @@ struct Separation {
   int segment = 0;
   double fraction = 0;
   // Nowhere on the path is the robot nearer than at its beginning, but for 2 cm. False where it
-  // begins within these. Ask LeadsAwayNow().
+  // begins within twice the least obstacle, as what is thinner may be nearer than `distance`. Ask
+  // LeadsAwayNow().
   bool leads_away = false;
   // The distances that the levels keep from the path, from slow to fast, metres. From a single
   // waypoint they keep what the robot moves until it stands, too.

@@ -172,6 +172,40 @@ TEST_F(SeparationServiceTest, NoPathIsKnownToLeadAwayFromWhereNoDistanceIsKnown)
   }
 }
 
+// Somebody who stands beside the beam and whose forearm, thinner than the least obstacle, lies
+// along it, where the beam hides it in some views.
+TEST_F(SeparationServiceTest, NoPathIsKnownToLeadAwayFromAnArmThatTouchesTheRobot) {
+  constexpr double kArm = 0.03;
+  constexpr double kTouching = 0.06 + kArm;  // from the beam's axis
+  const Configuration now = {2, 0};
+  const Eigen::Vector3d along(std::cos(now[0]), std::sin(now[0]), 0);
+  const Eigen::Vector3d beside = Eigen::Vector3d::UnitZ().cross(along);
+  int too_far = 0;
+  for (const double angle : {-2.6, -2.4, -2.2}) {
+    const Eigen::Vector3d out =
+        std::cos(angle) * beside + std::sin(angle) * Eigen::Vector3d::UnitZ();
+    const auto at = [&](double on_beam, double away) -> Eigen::Vector3d {
+      return Eigen::Vector3d(0, 0, 0.8) + on_beam * along + away * out;
+    };
+    constexpr double kElbow = 0.65;
+    std::vector<DrawnCellBall> somebody = {{at(kElbow, 0.8), 0.25}};
+    for (double away = kTouching; away < 0.6; away += kArm) {
+      somebody.push_back({at(kElbow, away), kArm});
+    }
+    for (double on = -0.2; on < 0.2; on += kArm) {
+      somebody.push_back({at(kElbow + on, kTouching), kArm});
+    }
+    Publish(somebody);
+    for (const double turn : {-0.2, 0.2}) {
+      const auto path = Ask({now, {now[0] + turn, 0}});
+      ASSERT_TRUE(path.ok() && path->separation) << path.status();
+      too_far += path->separation->distance > 0.05 ? 1 : 0;
+      EXPECT_FALSE(path->separation->leads_away) << angle << " " << turn;
+    }
+  }
+  EXPECT_GT(too_far, 0) << "no scene tells";
+}
+
 // The path comes nearer and nearer: what the level moves until it stands decides.
 TEST_F(SeparationServiceTest, TheHorizonGoesOnUntilTheRobotStands) {
   Publish();
