@@ -205,6 +205,17 @@ VoxelLooker::BallShapes* VoxelLooker::BallsOf(const VoxelSpace::Block& block) {
   return &ball_shapes_.try_emplace(key, BallShapes{steps, radii}).first->second;
 }
 
+uint32_t& VoxelLooker::BallShapes::Of(const Eigen::Vector2i& from, const Eigen::Vector2i& to) {
+  // Twice the middle: half a pixel to either side, and a step of rounding.
+  const int most = steps + 1;
+  const auto side = static_cast<size_t>(2 * most + 1);
+  const Eigen::Vector2i size = to - from;
+  const Eigen::Vector2i place = (from + to).array() + most;
+  std::vector<uint32_t>& of_size = by_centres[{size.x(), size.y()}];
+  if (of_size.empty()) of_size.assign(side * side, kNotMade);
+  return of_size.at(static_cast<size_t>(place.y()) * side + static_cast<size_t>(place.x()));
+}
+
 uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, BallShapes& balls) {
   const MaskSize size = view_.mask_size;
   const Vector2d anchor = centres.center().array().round();
@@ -216,17 +227,16 @@ uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, BallShapes& balls) {
   const Eigen::Vector2i from =
       ((centres.min() - anchor) * steps).array().floor().matrix().cast<int>();
   const Eigen::Vector2i to = ((centres.max() - anchor) * steps).array().ceil().matrix().cast<int>();
-  const auto [known, added] =
-      balls.by_centres.try_emplace(std::array{from.x(), from.y(), to.x(), to.y()}, 0);
-  if (added) {
+  uint32_t& known = balls.Of(from, to);
+  if (known == BallShapes::kNotMade) {
     const PixelShape shape = SurelyTouched({from.cast<double>() / steps, to.cast<double>() / steps},
                                            balls.radii.cast<double>() / steps);
     const auto [place, is_new] = shapes_.emplace(shape, static_cast<uint32_t>(shapes_.size()));
     if (is_new) look_.shapes.push_back(shape);
-    known->second = place->second;
+    known = place->second;
   }
   const uint32_t row =
-      known->second * static_cast<uint32_t>(size.height) + static_cast<uint32_t>(anchor.y());
+      known * static_cast<uint32_t>(size.height) + static_cast<uint32_t>(anchor.y());
   return row * look_.row_bits() + static_cast<uint32_t>(anchor.x());
 }
 

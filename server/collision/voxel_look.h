@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "db/mask/mask.h"
@@ -35,20 +35,18 @@ class VoxelLooker {
 
  private:
   static constexpr int kCorners = VoxelGrid::kBlockEdge + 1;
-  struct Hash {
-    size_t operator()(const std::array<int, 4>& key) const {
-      uint64_t hash = 0;
-      for (int value : key) hash = (hash ^ static_cast<uint32_t>(value)) * 0x9e3779b97f4a7c15;
-      return hash ^ hash >> 32;
-    }
-  };
   // Shapes that the images of balls surely touch whose semi-axes are these, or more. Those of all
   // voxels of a block are the same, so that only a few shapes are looked up at a time.
   struct BallShapes {
     int steps = 0;                                    // per pixel
     Eigen::Vector2i radii = Eigen::Vector2i::Zero();  // semi-axes, in steps
-    // By the box of the balls' centres, from the pixel that shapes are relative to, in steps.
-    std::unordered_map<std::array<int, 4>, uint32_t, Hash> by_centres{};
+    // By the size of the box of the balls' centres, and by where its middle is from the pixel that
+    // shapes are relative to; kNotMade: not looked up yet.
+    std::map<std::pair<int, int>, std::vector<uint32_t>> by_centres{};
+
+    static constexpr uint32_t kNotMade = ~uint32_t{0};
+    // The entry of a box, in steps, whose middle is in that pixel.
+    uint32_t& Of(const Eigen::Vector2i& from, const Eigen::Vector2i& to);
   };
 
   void ProjectCorners(const VoxelSpace::Block& block);
