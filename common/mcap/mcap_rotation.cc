@@ -35,6 +35,7 @@ McapRotation::McapRotation(McapRotationSettings settings, std::vector<McapChanne
 }
 
 absl::Status McapRotation::Begin(absl::Time time) {
+  path_.clear();
   absl::StatusOr<std::unique_ptr<McapWriter>> writer = absl::AlreadyExistsError("");
   for (absl::Time named = time; absl::IsAlreadyExists(writer.status());
        named += absl::Milliseconds(1)) {

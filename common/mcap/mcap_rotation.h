@@ -50,7 +50,7 @@ class McapRotation {
   uint64_t lost() const { return lost_; }
   // How many wait for a disk that takes nothing: after a last Close() that failed, they are lost.
   uint64_t unwritten() const { return unwritten_; }
-  // The newest file; empty: none yet.
+  // The newest file; empty: none yet, or it cannot be created.
   const std::string& path() const { return path_; }
 
  private:

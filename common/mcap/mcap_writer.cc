@@ -83,17 +83,19 @@ absl::StatusOr<std::unique_ptr<McapWriter>> McapWriter::Create(const std::string
   AppendRecord(start, Op::kHeader, header);
   std::vector<std::pair<uint8_t, std::string>> groups;
   start += writer->SchemasAndChannels(groups);
-  const absl::Status begun = writer->Append(start);
-  if (begun.ok()) return writer;
-  unlink(path.c_str());
-  return begun;
+  writer->start_ = std::move(start);
+  // A full disk takes it with the first chunk.
+  writer->AppendStart().IgnoreError();
+  return writer;
 }
 
 McapWriter::McapWriter(std::string path, int file, std::vector<McapChannel> channels)
     : path_(std::move(path)), file_(file), channels_(std::move(channels)) {}
 
 McapWriter::~McapWriter() {
-  if (file_ >= 0) close(file_);
+  if (file_ < 0) return;
+  close(file_);
+  if (written_ == 0) unlink(path_.c_str());
 }
 
 std::string McapWriter::SchemasAndChannels(
@@ -143,6 +145,7 @@ void McapWriter::Add(const McapMessage& message) {
 }
 
 absl::Status McapWriter::Flush() {
+  RETURN_IF_ERROR(AppendStart());
   if (index_.empty()) return absl::OkStatus();
   ChunkIndex chunk{.offset = written_, .size = chunk_.size(), .indexes = {}};
   chunk.start = std::numeric_limits<uint64_t>::max();
@@ -255,6 +258,13 @@ absl::Status McapWriter::Close() {
   bytes += mcap::kMagic;
   RETURN_IF_ERROR(Append(bytes));
   close(std::exchange(file_, -1));
+  return absl::OkStatus();
+}
+
+absl::Status McapWriter::AppendStart() {
+  if (start_.empty()) return absl::OkStatus();
+  RETURN_IF_ERROR(Append(start_));
+  start_.clear();
   return absl::OkStatus();
 }
 

@@ -19,13 +19,13 @@ namespace silhouette {
 // Not thread-safe.
 class McapWriter {
  public:
-  // Creates the file. AlreadyExists: there is one. Throws std::invalid_argument if there are more
-  // than 65,534 channels.
+  // Creates the file; a full disk is an error of Flush(). AlreadyExists: there is one. Throws
+  // std::invalid_argument if there are more than 65,534 channels.
   static absl::StatusOr<std::unique_ptr<McapWriter>> Create(const std::string& path,
                                                             std::vector<McapChannel> channels);
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
-  // Closes the file as it is; Close() makes it whole.
+  // Closes the file as it is, and removes it if the disk took nothing; Close() makes it whole.
   ~McapWriter();
 
   const std::string& path() const { return path_; }
@@ -57,6 +57,8 @@ class McapWriter {
   };
 
   McapWriter(std::string path, int file, std::vector<McapChannel> channels);
+  // What the file begins with, if it is not there yet.
+  absl::Status AppendStart();
   // All of the bytes, or none of them.
   absl::Status Append(const std::string& bytes);
   std::string SchemasAndChannels(std::vector<std::pair<uint8_t, std::string>>& groups) const;
@@ -64,6 +66,7 @@ class McapWriter {
   std::string path_;
   int file_ = -1;
   std::vector<McapChannel> channels_;
+  std::string start_;  // until the disk has it
   uint64_t written_ = 0;
   uint32_t crc_ = 0;  // of what is written
   uint32_t sequence_ = 0;

@@ -73,7 +73,7 @@ class Recorder {
   uint64_t lost() const { return all_.lost() + stops_.files().lost(); }
   // Messages that the disk has not taken yet: after a last Close() that failed, they are lost.
   uint64_t unwritten() const { return all_.unwritten() + stops_.files().unwritten(); }
-  // The newest files; empty: none yet.
+  // The newest files; empty: none yet, or it cannot be created.
   const std::string& path() const { return all_.path(); }
   const std::string& stop_path() const { return stops_.files().path(); }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-record: records what silhouette-server sees and answers.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -32,6 +35,9 @@ constexpr char kProgram[] = "silhouette-record";
 constexpr absl::Duration kLook = absl::Milliseconds(50);
 constexpr absl::Duration kBetweenFlushes = absl::Milliseconds(500);
 constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
+
+// The beginning of a file alone has a tenth of it.
+constexpr uint64_t kLeastFile = 1'000'000;
 
 struct Arguments {
   std::string server = client::kDefaultAddress;
@@ -137,7 +143,8 @@ class Program {
       return;
     }
     std::cout << TimeText(stop.time) << ": a path of " << stop.path.client()
-              << " is not free any more (" << reason << "); kept in " << recorder_->stop_path()
+              << " is not free any more (" << reason << "); "
+              << (recorder_->stop_path().empty() ? "not kept" : "kept in " + recorder_->stop_path())
               << std::endl;
   }
 
@@ -172,9 +179,12 @@ class Program {
     scenes_ += recorder_->scenes();
     missed_ += recorder_->missed_scenes();
     lost_ += recorder_->lost() + recorder_->unwritten();
-    if (!recorder_->path().empty()) path_ = recorder_->path();
-    if (!recorder_->stop_path().empty()) path_of_stop_ = recorder_->stop_path();
+    const std::string path = recorder_->path();
+    const std::string path_of_stop = recorder_->stop_path();
     recorder_.reset();
+    // A file of which the disk took nothing is not there.
+    if (std::filesystem::exists(path)) path_ = path;
+    if (std::filesystem::exists(path_of_stop)) path_of_stop_ = path_of_stop;
   }
 
   ExitCode End() {
@@ -219,6 +229,9 @@ class Program {
 absl::StatusOr<ExitCode> Record(const Arguments& arguments) {
   std::error_code error;
   std::filesystem::create_directories(arguments.recorder.folder, error);
+  if (!error && access(arguments.recorder.folder.c_str(), W_OK | X_OK) != 0) {
+    error.assign(errno, std::generic_category());
+  }
   if (error) return InvalidArgument("--folder ", arguments.recorder.folder, ": ", error.message());
   ASSIGN_OR_RETURN(Client client,
                    Client::Connect(arguments.server, absl::Seconds(10), arguments.tls));
@@ -237,7 +250,8 @@ int Main(int argc, char** argv) {
   app.add_option("--folder", arguments.recorder.folder, "Where the files go")->required();
   app.add_flag("--images", arguments.images,
                "Record camera images, too (JPEG, 5 a second), of a server that runs with --live");
-  app.add_option("--size", arguments.recorder.file_bytes, "Size of one file, e.g. 256MB, 1GB")
+  app.add_option("--size", arguments.recorder.file_bytes,
+                 "Size of one file, e.g. 256MB, 1GB; at least 1MB")
       ->check(PositiveNumber())
       ->transform(ByteSize())
       ->default_str("256MB");
@@ -263,13 +277,14 @@ int Main(int argc, char** argv) {
       "Example:\n"
       "  silhouette-record 127.0.0.1:50051 --folder recordings --size 1GB --files 20\n"
       "  silhouette-record --folder stops --only-stops --images");
-  return RunProgram(app, argc, argv, Work([&] {
-                      if (arguments.recorder.file_bytes == 0) {
-                        return absl::StatusOr<ExitCode>(
-                            InvalidArgument("--size 0: a file has at least one byte"));
-                      }
-                      return Record(arguments);
-                    }));
+  return RunProgram(
+      app, argc, argv, Work([&] {
+        if (arguments.recorder.file_bytes < kLeastFile) {
+          return absl::StatusOr<ExitCode>(InvalidArgument(
+              "--size ", arguments.recorder.file_bytes, "B: a file has at least 1MB; state more"));
+        }
+        return Record(arguments);
+      }));
 }
 
 }  // namespace

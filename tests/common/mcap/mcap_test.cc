@@ -252,6 +252,30 @@ TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
   EXPECT_THAT(read.data, ElementsAre("before", "meanwhile", "after"));
 }
 
+TEST_F(McapTest, FileThatBeginsOnAFullDiskKeepsItsMessagesUntilThereIsRoom) {
+  McapRotation files({folder_, "r", 100'000, 3}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  {
+    const FilesEndAt full(20);
+    ASSERT_TRUE(files.Add(At(0, "meanwhile")).ok());
+    EXPECT_FALSE(files.Flush().ok());
+  }
+  ASSERT_TRUE(files.Close().ok());
+  EXPECT_EQ(files.lost(), 0u);
+  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("meanwhile"));
+}
+
+TEST_F(McapTest, FileOfWhichAFullDiskTookNothingIsNotLeftThere) {
+  const std::string path = folder_ / "empty.mcap";
+  {
+    const FilesEndAt full(20);
+    auto writer = *McapWriter::Create(path, kChannels);
+    writer->Add(At(0, "lost"));
+    EXPECT_FALSE(writer->Close().ok());
+  }
+  EXPECT_FALSE(std::filesystem::exists(path));
+}
+
 TEST_F(McapTest, WhatWaitsForAFullDiskAtTheEndIsCounted) {
   McapRotation files({folder_, "r", 100'000, 3}, kChannels,
                      [] { return std::vector<McapMessage>(); });

@@ -259,8 +259,9 @@ TEST_F(RecordProgram, LostServerIsToldOnceAndMistakesEndIt) {
   const std::string text = ContentOf(cell_.shell().folder() / "record");
   EXPECT_EQ(text.find("trying again"), text.rfind("trying again")) << text;
   EXPECT_EQ(record->End(SIGINT), 0);
-  for (const std::string arguments : {"", "--folder r --size 0", "--folder r --files 0",
-                                      "--folder /dev/null/x", "nonsense --folder r"}) {
+  for (const std::string arguments :
+       {"", "--folder r --size 0", "--folder r --size 900kB", "--folder r --files 0",
+        "--folder /proc/self", "--folder /dev/null/x", "nonsense --folder r"}) {
     const Ended ended = cell_.shell().Run(ProgramFolder() + "/silhouette-record " + arguments);
     EXPECT_EQ(ended.exit_code, 2) << arguments << ended.err;
     EXPECT_THAT(ended.err, ::testing::StartsWith("silhouette-record: ")) << arguments;
