@@ -119,6 +119,21 @@ bool HasBase(const PoseNetwork& network) {
   });
 }
 
+absl::Status NothingSaysWhereTheBaseIs(const PoseProblem& problem) {
+  for (const PoseBoard& board : problem.boards) {
+    if (board.place != BoardPlace::kFlange && board.place != BoardPlace::kSurveyed) continue;
+    const bool on_flange = board.place == BoardPlace::kFlange;
+    return FailedPrecondition(absl::StrCat(
+        "nothing says where the robot's base is: no view saw the ",
+        on_flange ? "flange's" : "surveyed", " board '", board.board.description().name, "'",
+        on_flange ? " in a frame with a pose of the robot" : "",
+        "; check that this file describes the board, and the names of the frames"));
+  }
+  return FailedPrecondition(
+      "nothing says where the robot's base is: only boards were seen whose place is not known; "
+      "put one on the flange and give the robot's poses, or survey one");
+}
+
 }  // namespace
 
 BundleCorner CornerOf(const PoseNetwork& network, size_t look, size_t place) {
@@ -156,11 +171,7 @@ bool AdjustStepwise(Bundle& bundle, double robust) {
 
 absl::StatusOr<PoseFit> FitWithExactRobot(const PoseProblem& problem) {
   ASSIGN_OR_RETURN(PoseNetwork network, NetworkOf(problem));
-  if (!HasBase(network)) {
-    return FailedPrecondition(
-        "nothing says where the robot's base is: only boards were seen whose place is not known; "
-        "put one on the flange and give the robot's poses, or survey one");
-  }
+  if (!HasBase(network)) return NothingSaysWhereTheBaseIs(problem);
   FindCandidates(network);
   const std::vector<std::string> reasons = SeedPoses(network);
   if (!reasons.empty()) return FailedPrecondition(absl::StrJoin(reasons, "; "));

@@ -87,8 +87,8 @@ absl::StatusOr<SceneMask> ShownIn(const ServedDatabase& database, int view, cons
 }
 
 // The view that the input speaks of, and is the first to.
-absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
-                            const std::string& name) {
+absl::StatusOr<int> NewView(const ServedDatabase& database, const SceneInput& input,
+                            const Scene& scene, const std::string& name) {
   const std::optional<int> view = database.ViewOf(name);
   if (!view) {
     std::vector<std::string> known;
@@ -96,7 +96,7 @@ absl::StatusOr<int> NewView(const ServedDatabase& database, const Scene& scene,
     return absl::InvalidArgumentError(
         absl::StrCat("the cell has no such view; its views are ", absl::StrJoin(known, ", ")));
   }
-  if (scene.views[static_cast<size_t>(*view)]) {
+  if (scene.views[static_cast<size_t>(*view)] || input.without_views.contains(name)) {
     return absl::InvalidArgumentError("the view is given twice");
   }
   return *view;
@@ -128,10 +128,9 @@ Mask Lasting(const Mask& strong, const std::vector<Mask>& before, const Mask& ro
   return strong & (robot | into(strong));
 }
 
-absl::Status AddView(const ServedDatabase& database, const ViewInput& input,
+absl::Status AddView(const ServedDatabase& database, int view, const ViewInput& input,
                      const SegmentationSettings& segmentation, absl::Time captured,
                      const std::vector<RobotCover>& covers, Scene& scene, Conditions& conditions) {
-  ASSIGN_OR_RETURN(const int view, NewView(database, scene, input.view));
   ASSIGN_OR_RETURN(SceneMask shown, ShownIn(database, view, input, segmentation));
   const auto at = static_cast<size_t>(view);
   if (shown.thin && !covers.empty()) {
@@ -300,8 +299,10 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     const ViewInput& view = input.views[i];
     const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
     if (!captured.ok()) return InField(captured.status(), i, view);
-    const absl::Status added =
-        AddView(database, view, segmentation, captured->time, robot.covers, scene, conditions);
+    const absl::StatusOr<int> number = NewView(database, input, scene, view.view);
+    if (!number.ok()) return InField(number.status(), i, view);
+    const absl::Status added = AddView(database, *number, view, segmentation, captured->time,
+                                       robot.covers, scene, conditions);
     if (!added.ok()) return InField(added, i, view);
     if (captured->running < scene.oldest.running) scene.oldest = *captured;
     newest = std::max(newest, captured->running);

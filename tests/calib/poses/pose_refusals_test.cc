@@ -64,6 +64,14 @@ TEST(PoseRefusals, LooseBoardsAloneHaveNoBase) {
   EXPECT_THAT(Refusal(rig.problem), HasSubstr("nothing says where the robot's base is"));
 }
 
+TEST(PoseRefusals, AFlangeBoardThatNoViewSawIsNamed) {
+  PoseRig rig = FlangeRig(7, 4, 18);
+  rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.05, 3, 3);
+  rig.problem.sightings.clear();
+  rig.Hold(rig.problem.boards.size() - 1, 5);
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("no view saw the flange's board 'flange'"));
+}
+
 TEST(PoseRefusals, UnconnectedViewsAreNamed) {
   PoseRig rig = FlangeRig(7, 4, 18);
   rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.05, 3, 3);

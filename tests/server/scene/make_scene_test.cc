@@ -315,6 +315,12 @@ TEST_F(MakeSceneTest, RefusesAViewGivenTwice) {
   EXPECT_EQ(Refusal(), "views[2] 'left': the view is given twice");
 }
 
+// Else a mask that comes beside the image of a frozen camera would stand for it.
+TEST_F(MakeSceneTest, RefusesAViewThatIsSaidToBeMissing) {
+  input.without_views[input.views[0].view] = "the camera is frozen";
+  EXPECT_EQ(Refusal(), "views[0] 'left': the view is given twice");
+}
+
 TEST_F(MakeSceneTest, RefusesNoViewAtAll) {
   input.views.clear();
   EXPECT_THAT(Refusal(), HasSubstr("at least one view"));
