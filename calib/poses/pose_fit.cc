@@ -124,10 +124,9 @@ absl::Status NothingSaysWhereTheBaseIs(const PoseProblem& problem) {
     if (board.place != BoardPlace::kFlange && board.place != BoardPlace::kSurveyed) continue;
     const bool on_flange = board.place == BoardPlace::kFlange;
     return FailedPrecondition(absl::StrCat(
-        "nothing says where the robot's base is: no view saw the ",
-        on_flange ? "flange's" : "surveyed", " board '", board.board.description().name, "'",
-        on_flange ? " in a frame with a pose of the robot" : "",
-        "; check that this file describes the board, and the names of the frames"));
+        "nothing says where the robot's base is: no fixed view saw the ",
+        on_flange ? "flange's" : "surveyed", " board '", board.board.description().name,
+        "'; is it that board, and large enough in the images?"));
   }
   return FailedPrecondition(
       "nothing says where the robot's base is: only boards were seen whose place is not known; "

@@ -84,7 +84,7 @@ absl::StatusOr<std::unique_ptr<McapWriter>> McapWriter::Create(const std::string
   std::vector<std::pair<uint8_t, std::string>> groups;
   start += writer->SchemasAndChannels(groups);
   writer->start_ = std::move(start);
-  // A full disk takes it with the first chunk.
+  // If the disk is full, Flush() writes it before the first chunk.
   writer->AppendStart().IgnoreError();
   return writer;
 }

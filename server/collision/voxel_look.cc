@@ -206,7 +206,7 @@ VoxelLooker::BallShapes* VoxelLooker::BallsOf(const VoxelSpace::Block& block) {
 }
 
 uint32_t& VoxelLooker::BallShapes::Of(const Eigen::Vector2i& from, const Eigen::Vector2i& to) {
-  // Twice the middle: half a pixel to either side, and a step of rounding.
+  // `from` + `to` is at most a pixel, and a step for rounding outwards.
   const int most = steps + 1;
   const auto side = static_cast<size_t>(2 * most + 1);
   const Eigen::Vector2i size = to - from;

@@ -47,9 +47,9 @@ class SeparationBasis {
   double unseen_share() const { return unseen_share_; }
   // Distances are at most this, metres.
   double range() const { return range_; }
-  // Metres, the diameter of the least obstacle. No path is known to lead away whose beginning is
-  // nearer: beside the robot something thinner, such as a hand, may be nearer than the distance
-  // says (docs/separation.md).
+  // Metres: the diameter of the least obstacle. From a beginning that is nearer to people no path
+  // is said to lead away: something thinner, such as a hand that the robot hides, may be nearer
+  // than the distance (docs/separation.md).
   double leave_from() const { return 2 * space_.least_obstacle(); }
 
   // From what may hold somebody in a scene: what PossibleSpace leaves of the zone. `near`: what it

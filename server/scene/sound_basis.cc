@@ -58,7 +58,7 @@ absl::Status CheckCell(const SoundCell& sound) {
   const double voxels = (sound.workspace.sizes() / sound.VoxelEdge()).prod();
   if (voxels <= SoundBasis::kMostVoxels) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
-      "sound: the workspace has ", std::floor(voxels / 1e6), " million voxels of ",
+      "sound: the workspace has ", std::ceil(voxels / 1e6), " million voxels of ",
       sound.VoxelEdge(), " m, more than ", static_cast<int64_t>(SoundBasis::kMostVoxels / 1e6),
       " million; state a greater least_obstacle or voxel_edge, or a smaller workspace"));
 }

@@ -22,7 +22,7 @@ constexpr int kMostLevels = 16;
 constexpr int64_t kMostPlaces = 50'000;
 // A scene may be followed by the next so much later than any of the last ones.
 constexpr double kLateScene = 1.25;
-// A path leads away though the robot comes nearer by so much on it, metres: distances are told in
+// A path leads away though the robot comes nearer by so much on it, metres: distances change in
 // steps of voxels.
 constexpr double kSameDistance = 0.02;
 // As a horizon.

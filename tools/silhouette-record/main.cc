@@ -36,7 +36,7 @@ constexpr absl::Duration kLook = absl::Milliseconds(50);
 constexpr absl::Duration kBetweenFlushes = absl::Milliseconds(500);
 constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
 
-// The beginning of a file alone has a tenth of it.
+// What each file begins with, to be read alone, takes up to a tenth of it.
 constexpr uint64_t kLeastFile = 1'000'000;
 
 struct Arguments {
@@ -183,8 +183,9 @@ class Program {
     const std::string path_of_stop = recorder_->stop_path();
     recorder_.reset();
     // A file of which the disk took nothing is not there.
-    if (std::filesystem::exists(path)) path_ = path;
-    if (std::filesystem::exists(path_of_stop)) path_of_stop_ = path_of_stop;
+    std::error_code error;
+    if (std::filesystem::exists(path, error)) path_ = path;
+    if (std::filesystem::exists(path_of_stop, error)) path_of_stop_ = path_of_stop;
   }
 
   ExitCode End() {

@@ -49,9 +49,9 @@ struct Separation {
   // Where that is: waypoint number and fraction of the way to the next one.
   int segment = 0;
   double fraction = 0;
-  // Nowhere on the path is the robot nearer than at its beginning, but for 2 cm. False where it
-  // begins within twice the least obstacle, as what is thinner may be nearer than `distance`. Ask
-  // LeadsAwayNow().
+  // Nowhere on the path is the robot nearer to people than at its beginning, but for 2 cm. False
+  // where they are within the diameter of the least obstacle there: what is thinner and hidden by
+  // the robot may be nearer than `distance`. Ask LeadsAwayNow().
   bool leads_away = false;
   // The distances that the levels keep from the path, from slow to fast, metres. From a single
   // waypoint they keep what the robot moves until it stands, too.

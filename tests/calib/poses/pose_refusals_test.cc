@@ -69,7 +69,7 @@ TEST(PoseRefusals, AFlangeBoardThatNoViewSawIsNamed) {
   rig.AddBoard("held", BoardPlace::kLoose, Eigen::Isometry3d::Identity(), 0.05, 3, 3);
   rig.problem.sightings.clear();
   rig.Hold(rig.problem.boards.size() - 1, 5);
-  EXPECT_THAT(Refusal(rig.problem), HasSubstr("no view saw the flange's board 'flange'"));
+  EXPECT_THAT(Refusal(rig.problem), HasSubstr("no fixed view saw the flange's board 'flange'"));
 }
 
 TEST(PoseRefusals, UnconnectedViewsAreNamed) {

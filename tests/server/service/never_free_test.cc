@@ -184,6 +184,15 @@ TEST_F(FrozenCamera, ThatRepeatsARingOfImagesIsMissingUntilItGivesAnother) {
   EXPECT_EQ(Publish(server, kRing).defects_size(), 0);
 }
 
+TEST_F(FrozenCamera, HasNoMaskInItsPlace) {
+  for (int image = 0; image < 3; ++image) Publish(server, 0);
+  SceneInput input = Pictured(0);
+  input.views.push_back({kViewNames[0], {}, ObstacleMask{Mask(RobotMask(0, 0, 0).size())}});
+  server.clock.Advance(absl::Milliseconds(50));
+  const grpc::Status status = server.PublishStatus(server.Stamped(RequestOf(input)));
+  EXPECT_THAT(status.error_message(), testing::HasSubstr("the view is given twice"));
+}
+
 TEST_F(FrozenCamera, IsNoneWhoseImagesAreSentAgainAtOnce) {
   for (int image = 0; image < 6; ++image) {
     EXPECT_EQ(Publish(server, image).defects_size(), 0);
