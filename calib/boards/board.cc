@@ -84,6 +84,13 @@ Board::Board(BoardDescription description) : description_(std::move(description)
               "marker must be positive and smaller than square");
       family_ = absl::StrCat("charuco-", d.dictionary, "-", d.first_id, "-", size);
       break;
+    case BoardKind::kCircles:
+      require(d.rows >= 2 && d.columns >= 2,
+              "a board of circles needs at least 2x2 of them, in columns x rows");
+      require(is_length(d.square), "spacing must be positive");
+      family_ = absl::StrCat(d.asymmetric ? "asymmetric-circles-" : "circles-", size,
+                             d.asymmetric && d.rows % 2 == 1 ? "" : kSymmetric);
+      break;
   }
 }
 
@@ -105,10 +112,23 @@ GridPlace Board::PlaceOf(int id) const {
           .column = place % mark_columns()};
 }
 
+GridPlace Board::SquaresTo(GridPlace place) const {
+  if (description_.asymmetric) place.column = 2 * place.column + place.row % 2;
+  return place;
+}
+
+GridPlace Board::MostSquares() const {
+  const int across = (description_.asymmetric ? 2 : 1) * mark_columns() - 1;
+  return {.row = mark_rows() - 1, .column = across};
+}
+
 MarkCorners Board::CornersOf(int id) const {
   const GridPlace place = PlaceOf(id);
   const BoardDescription& d = description_;
-  if (d.kind != BoardKind::kTags) return {{d.square * place.column, d.square * place.row, 0}};
+  if (d.kind != BoardKind::kTags) {
+    const GridPlace squares = SquaresTo(place);
+    return {{d.square * squares.column, d.square * squares.row, 0}};
+  }
   const double pitch = d.tag_size + d.gap;
   const double left = pitch * place.column;
   const double top = pitch * place.row;
@@ -119,8 +139,10 @@ MarkCorners Board::CornersOf(int id) const {
 
 Eigen::Vector2d Board::extent() const {
   const BoardDescription& d = description_;
+  if (d.kind != BoardKind::kTags) {
+    return d.square * Eigen::Vector2d(MostSquares().column, MostSquares().row);
+  }
   const Eigen::Vector2d steps(mark_columns() - 1, mark_rows() - 1);
-  if (d.kind != BoardKind::kTags) return d.square * steps;
   return (d.tag_size + d.gap) * steps + Eigen::Vector2d::Constant(d.tag_size);
 }
 
@@ -157,6 +179,10 @@ std::optional<Lattice> Board::lattice() const {
   Lattice lattice{.width = Places(mark_columns(), steps),
                   .height = Places(mark_rows(), steps),
                   .spacing = std::max(d.tag_size, d.square)};
+  if (d.kind != BoardKind::kTags) {
+    lattice.width = MostSquares().column + 1;
+    lattice.height = MostSquares().row + 1;
+  }
   if (lattice.width > kMostPlaces / lattice.height) return std::nullopt;
   if (d.kind == BoardKind::kTags && tags() > 1) {
     lattice.spacing = (d.tag_size + d.gap) / steps.pitch;
@@ -167,6 +193,7 @@ std::optional<Lattice> Board::lattice() const {
 
 GridPlace Board::LatticePlaceOf(int id, int corner) const {
   const GridPlace place = PlaceOf(id);
+  if (description_.kind != BoardKind::kTags) return SquaresTo(place);
   const Steps steps = LatticeSteps();
   if (steps.pitch == 0) throw std::logic_error("the board's corners are on no lattice");
   return {.row = place.row * steps.pitch + (corner < 2 ? steps.tag : 0),
@@ -209,6 +236,12 @@ void ReadCharuco(YamlMap& map, BoardDescription& d) {
   d.legacy = map.Get<bool>("legacy", d.legacy);
 }
 
+void ReadCircles(YamlMap& map, BoardDescription& d) {
+  d.kind = BoardKind::kCircles;
+  d.square = map.Get<double>("spacing");
+  d.asymmetric = map.Get<bool>("asymmetric", d.asymmetric);
+}
+
 Board BoardOf(BoardDescription description, const YamlNode& node) {
   try {
     return Board(std::move(description));
@@ -228,8 +261,9 @@ Board ReadBoard(const YamlNode& node) {
   } else if (const std::optional<YamlNode> squares = map.Optional("charuco")) {
     ReadSize(*squares, d);
     ReadCharuco(map, d);
-  } else if (map.Optional("circles") || map.Optional("circle_grid")) {
-    node.Fail("boards of circles are not read; print a chessboard or ChArUco instead");
+  } else if (const std::optional<YamlNode> circles = map.Optional("circles")) {
+    ReadSize(*circles, d);
+    ReadCircles(map, d);
   } else {
     ReadTags(map, d);
   }
@@ -259,17 +293,24 @@ Board ReadKalibr(const YamlNode& node, const std::string& file) {
     d.square = map.Get<double>("rowSpacingMeters");
     const YamlNode columns = map.Required("colSpacingMeters");
     if (columns.As<double>() != d.square) columns.Fail("squares must be as wide as high");
+  } else if (kind == "circlegrid") {
+    d.kind = BoardKind::kCircles;
+    d.columns = map.Get<int>("targetCols");
+    d.rows = map.Get<int>("targetRows");
+    d.square = map.Get<double>("spacingMeters");
+    d.asymmetric = map.Get<bool>("asymmetricGrid", d.asymmetric);
   } else {
-    type.Fail("target_type is aprilgrid or checkerboard; boards of circles are not read");
+    type.Fail("target_type is aprilgrid, checkerboard or circlegrid");
   }
   map.Finish();
   return BoardOf(std::move(d), node);
 }
 
-// What is wrong with a chessboard or ChArUco board by itself; empty if nothing is.
+// What is wrong with a board of squares or circles by itself; empty if nothing is.
 std::string SquaresFault(const BoardDescription& d) {
   if (d.square > kLargestTag) {
-    return absl::StrCat("square ", d.square, " is in metres; millimetres must be divided by 1000");
+    return absl::StrCat(d.kind == BoardKind::kCircles ? "spacing " : "square ", d.square,
+                        " is in metres; millimetres must be divided by 1000");
   }
   if (d.kind != BoardKind::kCharuco) return "";
   int markers = 0;
@@ -322,6 +363,10 @@ std::string SharedMarks(const Board& board, const Board& other) {
   const bool aruco = d.kind == BoardKind::kCharuco || o.kind == BoardKind::kCharuco;
   if (d.kind != o.kind && !aruco) return "";
   const std::string boards = absl::StrCat("the boards '", o.name, "' and '", d.name, "' ");
+  if (d.kind == BoardKind::kCircles) {
+    if (board.family() != other.family()) return "";
+    return boards + "are circles of one size, so that no image tells them apart; take one out";
+  }
   if (d.kind == BoardKind::kChessboard && o.kind == d.kind) {
     if (std::minmax(d.rows, d.columns) != std::minmax(o.rows, o.columns)) return "";
     return boards + "are chessboards of one size, so that no image tells them apart; take one out";
@@ -395,6 +440,11 @@ std::string BoardFileText(std::span<const Board> boards) {
                         "  square: ", CsvNumber(d.square), "\n  marker: ", CsvNumber(d.tag_size),
                         "\n  dictionary: ", d.dictionary, "\n  first_id: ", d.first_id, "\n",
                         d.legacy ? "  legacy: true\n" : "");
+        break;
+      case BoardKind::kCircles:
+        absl::StrAppend(&text, "  circles: ", size, "  # columns x rows\n",
+                        "  spacing: ", CsvNumber(d.square), "\n",
+                        d.asymmetric ? "  asymmetric: true\n" : "");
         break;
     }
   }

@@ -2,12 +2,12 @@
 // Board: marks in a grid on a plane, by which cameras are calibrated. A plain value once it is
 // made.
 //
-// A mark is what detection finds as one: an AprilTag with its four corners, or a single corner of a
-// chessboard. The board's frame is that of its print: the origin at the top left corner of all that
-// detection finds, x to the right, y down, z into the paper; metres. A tag's corners are those that
-// detection finds - for the families with a ring of data around the border (tagStandard41h12, ...)
-// the border's outer edge, not the print's - in AprilTag's order: bottom left, bottom right, top
-// right, top left.
+// A mark is what detection finds as one: an AprilTag with its four corners, a single corner of a
+// chessboard, or a circle, whose middle stands for a corner. The board's frame is that of its
+// print: the origin at the top left corner of all that detection finds, x to the right, y down, z
+// into the paper; metres. A tag's corners are those that detection finds - for the families with a
+// ring of data around the border (tagStandard41h12, ...) the border's outer edge, not the print's -
+// in AprilTag's order: bottom left, bottom right, top right, top left.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,6 +28,7 @@ enum class BoardKind {
   kTags,        // AprilTags or ArUco markers, black on white, with gaps between them
   kChessboard,  // squares; its marks are the inner corners
   kCharuco,     // a chessboard with ArUco markers in its white squares; marks: the inner corners
+  kCircles,     // black discs on white; marks: their middles
 };
 
 struct BoardDescription {
@@ -35,18 +36,22 @@ struct BoardDescription {
   BoardKind kind = BoardKind::kTags;
   std::string family = "tagStandard41h12";  // tags: as of TagFamily
   std::string dictionary = "DICT_4X4_50";   // ChArUco: OpenCV's name of it
-  // Of tags; of a chessboard's inner corners; of a ChArUco board's squares.
+  // Of tags; of a chessboard's inner corners; of a ChArUco board's squares; of circles.
   int rows = 1;
   int columns = 1;
   double tag_size = 0;  // tags: from corner to corner; ChArUco: a marker's side; metres
   double gap = 0;       // tags: between corners of neighbours, metres; 0 for a single tag
-  double square = 0;    // chessboard, ChArUco: a square's side, metres
-  int first_id = 0;     // tags, ChArUco: ids go row by row from here
+  // Metres. Chessboard, ChArUco: a square's side. Circles: from a row to the next, and from a
+  // column to the next, which in an asymmetric board is half the distance of neighbours in a row.
+  double square = 0;
+  int first_id = 0;  // tags, ChArUco: ids go row by row from here
   // Tags: the first row of ids is the lowest, not the topmost (Kalibr's AprilGrid).
   bool from_bottom = false;
   // ChArUco: as OpenCV before 4.6 drew boards with an even number of rows, with a marker, not a
   // black square, in the top left corner. Boards with an odd number are the same.
   bool legacy = false;
+  // Circles: every second row, from the second one on, lies between the columns of the first.
+  bool asymmetric = false;
 };
 
 // A regular lattice of points in the board's plane, its first one at the board's origin.
@@ -80,7 +85,7 @@ class Board {
  public:
   // Throws std::invalid_argument: no name, no row or column, a size that is not positive, several
   // tags without a gap, a marker that is not smaller than its square, a chessboard of less than 3 x
-  // 3 squares, more than a million marks, a negative or immense id.
+  // 3 squares or less than 2 x 2 circles, more than a million marks, a negative or immense id.
   explicit Board(BoardDescription description);
 
   const BoardDescription& description() const { return description_; }
@@ -88,7 +93,8 @@ class Board {
   int tags() const { return mark_rows() * mark_columns(); }
   int corners_per_mark() const { return description_.kind == BoardKind::kTags ? 4 : 1; }
   // What its marks are called in sightings: the tags' family; else kind and size, such as
-  // "chessboard-9x6" (columns x rows), or "chessboard-8x8-symmetric" of an ambiguous one.
+  // "chessboard-9x6" or "asymmetric-circles-4x11" (columns x rows), or "chessboard-8x8-symmetric"
+  // of an ambiguous one.
   const std::string& family() const { return family_; }
   // The id of its first mark; the others follow.
   int first_mark() const {
@@ -104,7 +110,8 @@ class Board {
   Eigen::Vector2d extent() const;
 
   // Whether it looks the same when it is turned by half, so that its frame is not certain: a
-  // chessboard with an even number of rows and columns together.
+  // chessboard with an even number of rows and columns together, circles but for an asymmetric
+  // board of an odd number of rows.
   bool IsAmbiguous() const { return IsAmbiguousFamily(family_); }
 
   // The coarsest lattice of 20 places a tag and 6400 in all, or less, that has all corners, to a
@@ -121,6 +128,9 @@ class Board {
   int mark_columns() const;
   // A mark's place in it. Throws std::out_of_range.
   GridPlace PlaceOf(int id) const;
+  // Of marks with a single corner: how many `square`s one is from the origin, and the farthest.
+  GridPlace SquaresTo(GridPlace place) const;
+  GridPlace MostSquares() const;
   // Lattice places along a tag, and from a tag to the next; 0 if there is no lattice.
   struct Steps {
     int tag = 0;
@@ -154,8 +164,12 @@ class Board {
 //     dictionary: DICT_4X4_50     # this one if not said
 //     first_id: 0                 # 0 if not said
 //     legacy: false               # true: drawn by OpenCV before 4.6; false if not said
+//   - name: dots
+//     circles: 4x11               # columns x rows
+//     spacing: 0.020              # metres, from a row to the next
+//     asymmetric: true            # every second row is moved by a spacing; false if not said
 //
-// or one board as Kalibr describes it (target_type: aprilgrid or checkerboard).
+// or one board as Kalibr describes it (target_type: aprilgrid, checkerboard or circlegrid).
 
 // A tag that is larger, in metres, is taken for one in other units.
 inline constexpr double kLargestTag = 3;

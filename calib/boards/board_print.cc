@@ -2,6 +2,8 @@
 #include "calib/boards/board_print.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 
@@ -71,7 +73,32 @@ void AddMarkers(const BoardDescription& d, BoardPrint& print) {
   }
 }
 
+// Strips of equal height, each as wide as the circle is in the mean over its height.
+void AddDisc(const Vector2d& middle, double radius, BoardPrint& print) {
+  constexpr int kStrips = 64;
+  // Of the half circle above `y`, for a radius of 1.
+  const auto area = [](double y) { return (y * std::sqrt(1 - y * y) + std::asin(y)) / 2; };
+  for (int strip = 0; strip < kStrips; ++strip) {
+    const double top = -1 + 2.0 * strip / kStrips;
+    const double bottom = std::min(1.0, -1 + 2.0 * (strip + 1) / kStrips);
+    const double half = (area(bottom) - area(top)) / (bottom - top);
+    print.black.emplace_back(middle + radius * Vector2d(-half, top),
+                             middle + radius * Vector2d(half, bottom));
+  }
+}
+
+void AddDiscs(const Board& board, BoardPrint& print) {
+  for (int id = board.first_mark(); board.HasTag(id); ++id) {
+    AddDisc(board.CornersOf(id)[0].head<2>(), DiscRadius(board.description()), print);
+  }
+}
+
 }  // namespace
+
+double DiscRadius(const BoardDescription& circles) {
+  // A quarter of the way to the nearest neighbour.
+  return (circles.asymmetric ? std::numbers::sqrt2 : 1) * circles.square / 4;
+}
 
 BoardPrint PrintOf(const Board& board) {
   if (const absl::Status status = CheckBoards({&board, 1}); !status.ok()) {
@@ -90,6 +117,9 @@ BoardPrint PrintOf(const Board& board) {
     case BoardKind::kCharuco:
       AddSquares(d, d.rows, d.columns, print);
       AddMarkers(d, print);
+      break;
+    case BoardKind::kCircles:
+      AddDiscs(board, print);
       break;
   }
   return print;

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // BoardPrint: what of a board is black on its paper.
+//
+// A circle is printed in strips that have its area.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -18,6 +20,9 @@ struct BoardPrint {
 // With Kalibr's tags come the black squares that it prints between them. Throws
 // std::invalid_argument for a board that CheckBoards refuses.
 BoardPrint PrintOf(const Board& board);
+
+// Of circles, metres.
+double DiscRadius(const BoardDescription& circles);
 
 // Metres between the corners and the rim of the print.
 double PrintRim(const Board& board);

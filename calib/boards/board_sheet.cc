@@ -125,11 +125,14 @@ std::string WithDigits(double mm) { return absl::StrFormat("%.0f", std::ceil(mm)
                              const std::vector<Paper>& papers) {
   const BoardDescription& d = board.description();
   const bool tags = d.kind == BoardKind::kTags;
+  const bool circles = d.kind == BoardKind::kCircles;
   const double side = kMmPerMetre * (tags ? d.tag_size : d.square);
   std::string what = absl::StrCat(d.rows, " x ", d.columns, " tags of ");
   if (!tags) {
-    what = absl::StrCat(d.columns, "x", d.rows, d.kind == BoardKind::kCharuco ? "" : " corners,",
-                        " squares of ");
+    what = absl::StrCat(d.columns, "x", d.rows,
+                        circles                            ? " circles, spacing "
+                        : d.kind == BoardKind::kChessboard ? " corners, squares of "
+                                                           : " squares of ");
   }
   const Extent outline = OutlineExtent(board, kind);
   const Paper& largest = papers.back();
@@ -148,8 +151,11 @@ std::string WithDigits(double mm) { return absl::StrFormat("%.0f", std::ceil(mm)
     if (FirstFitting(papers, smaller, per_page)) fitting = size;
   }
   if (fitting >= kLeastTag) {
-    absl::StrAppend(&message, tags ? "--tag-size " : "--square ", fitting,
-                    d.gap > 0 ? " (the gap in proportion)" : "", " or less, ");
+    absl::StrAppend(&message,
+                    tags      ? "--tag-size "
+                    : circles ? "--spacing "
+                              : "--square ",
+                    fitting, d.gap > 0 ? " (the gap in proportion)" : "", " or less, ");
   }
   absl::StrAppend(&message, "or ", per_page > 1 ? "fewer tags a page" : "fewer rows and columns");
   throw std::invalid_argument(message);

@@ -185,6 +185,10 @@ std::pair<std::string, std::string> CaptionOf(const Piece& piece) {
       return {absl::StrCat(name, "ChArUco board of ", size, " squares (columns x rows), ",
                            d.dictionary, " from id ", d.first_id),
               absl::StrCat(square, ", marker ", Plain(1000 * d.tag_size), " mm")};
+    case BoardKind::kCircles:
+      return {absl::StrCat(name, d.asymmetric ? "asymmetric board of " : "board of ", size,
+                           " circles (columns x rows)"),
+              absl::StrCat("spacing ", Plain(piece.side), " mm, from a row to the next")};
   }
   return {};
 }
@@ -227,9 +231,9 @@ void DrawPiece(Canvas& canvas, const PlacedBoard& placed, SheetKind kind) {
 // How corners are found on the paper with a rule.
 std::string HowToMeasure(const Piece& piece, SheetKind kind) {
   if (piece.d.kind != BoardKind::kTags) {
-    return "The board's frame: origin at the first inner corner (top left), x right, y down, z "
-           "into "
-           "the paper.";
+    return absl::StrCat("The board's frame: origin at the first ",
+                        piece.d.kind == BoardKind::kCircles ? "circle's middle" : "inner corner",
+                        " (top left), x right, y down, z into the paper.");
   }
   const bool ring = TagFamily(piece.d.family).reversed_border();
   std::string text = absl::StrCat("A tag's corners: of ",

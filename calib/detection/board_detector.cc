@@ -14,6 +14,7 @@
 
 #include "calib/boards/charuco.h"
 #include "calib/boards/tag_family.h"
+#include "calib/detection/circle_grid.h"
 #include "calib/detection/corner_fit.h"
 #include "calib/detection/missed_tags.h"
 
@@ -370,10 +371,21 @@ std::vector<DetectedTag> BoardDetector::Detect(const cv::Mat& image,
         return board.HasTag(tag.family, tag.tag) && !tag.fitted;
       });
     }
-    std::vector<DetectedTag> marks = kind == BoardKind::kTags ? MissedTags(board, image, lens, all)
-                                     : kind == BoardKind::kChessboard
-                                         ? DetectChessboard(board, image, lens)
-                                         : DetectCharuco(board, image, lens);
+    std::vector<DetectedTag> marks;
+    switch (kind) {
+      case BoardKind::kTags:
+        marks = MissedTags(board, image, lens, all);
+        break;
+      case BoardKind::kChessboard:
+        marks = DetectChessboard(board, image, lens);
+        break;
+      case BoardKind::kCharuco:
+        marks = DetectCharuco(board, image, lens);
+        break;
+      case BoardKind::kCircles:
+        marks = DetectCircles(board, image);
+        break;
+    }
     std::ranges::move(marks, std::back_inserter(all));
   }
   return all;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // BoardDetector: the marks of boards of all kinds in an image.
 //
-// Tags are TagDetector's. A chessboard must be seen whole (OpenCV's sector-based detector); of a
+// Tags are TagDetector's, circles DetectCircles'. A chessboard must be seen whole (OpenCV's
+// sector-based detector); of a
 // ChArUco board each inner corner beside a marker that is seen. One whose rows and columns are
 // exchanged in its description gives marks of the board that it is, with another family. Their
 // corners lie where the fitted edges of their squares meet; where squares are too small, the

@@ -40,10 +40,11 @@ bool AtRim(const DetectedTag& tag, const cv::Size& size) {
   return false;
 }
 
-// A mirrored chessboard is one, too.
+// Chessboards and circles look the same mirrored.
 bool ShowsBoardsMirrored(BoardDetector& detector, const cv::Mat& image) {
   if (std::ranges::all_of(detector.boards(), [](const Board& board) {
-        return board.description().kind == BoardKind::kChessboard;
+        const BoardDescription& d = board.description();
+        return d.kind == BoardKind::kChessboard || d.kind == BoardKind::kCircles;
       })) {
     return false;
   }
@@ -65,7 +66,7 @@ double ImageTags::MeanSize() const {
 double ImageTags::MedianBlur() const {
   std::vector<double> blurs;
   for (const DetectedTag& tag : tags) {
-    if (tag.fitted) blurs.push_back(tag.blur);
+    if (tag.fitted && tag.blur > 0) blurs.push_back(tag.blur);
   }
   return Median(std::move(blurs));
 }

@@ -24,8 +24,8 @@ struct DetectedTag {
   std::vector<Eigen::Vector2d> corners;  // integers at pixel centres; as Board::CornersOf
   double sigma = 0;                      // standard deviation of a corner per axis, pixels
   double size = 0;                       // mean length of a tag's, or a square's, sides, pixels
-  bool fitted = false;                   // corners by fitted edges, else the library's
-  double blur = 0;                       // of its edges, pixels; 0 if not fitted
+  bool fitted = false;                   // corners by fitted edges or centroids, else the library's
+  double blur = 0;                       // of its edges, pixels; 0 if none are fitted
 };
 
 class TagDetector {

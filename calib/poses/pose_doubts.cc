@@ -181,7 +181,10 @@ std::string SizeText(const BoardDescription& board, double size, double sigma) {
   const bool tags = board.kind == BoardKind::kTags;
   const double side = 1000 * (tags ? board.tag_size : board.square);
   return absl::StrFormat("the %s of board '%s' measure %.4g mm (+- %.2g mm), not %.4g mm",
-                         tags ? "tags" : "squares", board.name, side * size, side * sigma, side);
+                         tags                                ? "tags"
+                         : board.kind == BoardKind::kCircles ? "spacings"
+                                                             : "squares",
+                         board.name, side * size, side * sigma, side);
 }
 
 // With the sizes found: refused as CheckSizes does, unless they are too uncertain to tell.

@@ -55,10 +55,14 @@ absl::Status CheckViews(const PoseProblem& problem) {
 absl::Status CheckFrameIsCertain(const Board& board) {
   if (!board.IsAmbiguous()) return absl::OkStatus();
   const BoardDescription& d = board.description();
-  return InvalidArgument("board '", d.name, "', a chessboard of ", d.columns, "x", d.rows,
-                         " inner corners, looks the same turned by half, so that no image shows "
-                         "where its origin is; for poses take one of an even and an odd number, "
-                         "such as 9x6, a ChArUco board or tags");
+  const bool circles = d.kind == BoardKind::kCircles;
+  return InvalidArgument("board '", d.name, circles ? "', a board of " : "', a chessboard of ",
+                         d.columns, "x", d.rows, circles ? " circles" : " inner corners",
+                         ", looks the same turned by half, so that no image shows where its origin "
+                         "is; for poses take ",
+                         circles ? "an asymmetric one of an odd number of rows, such as 4x11"
+                                 : "one of an even and an odd number, such as 9x6",
+                         ", a ChArUco board or tags");
 }
 
 namespace {

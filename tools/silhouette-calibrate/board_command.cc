@@ -36,8 +36,11 @@ struct BoardArguments {
   int first_id = 0;
   std::string chessboard;  // columns x rows; empty: none
   std::string charuco;     // the same
-  double square = 0;       // mm; 0: DefaultSquare
-  double marker = 0;       // mm; 0: a share of the square
+  std::string circles;     // the same
+  double spacing = 0;      // mm; 0: kDefaultSpacing
+  bool asymmetric = false;
+  double square = 0;  // mm; 0: DefaultSquare
+  double marker = 0;  // mm; 0: a share of the square
   std::string dictionary = "DICT_4X4_50";
   bool legacy = false;
   bool flange = false;
@@ -68,7 +71,8 @@ double DefaultGap(const std::string& family_name, double tag_size) {
   return std::max(tag_size, (family.total_width() - family.width_at_border() + 1) * module);
 }
 
-constexpr double kDefaultSquare = 25;  // mm
+constexpr double kDefaultSquare = 25;   // mm
+constexpr double kDefaultSpacing = 20;  // mm
 constexpr double kMarkerOfSquare = 0.75;
 
 // Metres, without the last bits' noise of a division: 30 mm are 0.03.
@@ -78,10 +82,15 @@ std::string NameOf(const BoardArguments& a) {
   return a.name.empty() ? std::filesystem::path(a.out).filename().string() : a.name;
 }
 
-// A chessboard or ChArUco board.
+// A chessboard, ChArUco board or circles.
 BoardDescription SquaresFor(const BoardArguments& a) {
   const double square = a.square > 0 ? a.square : kDefaultSquare;
   BoardDescription d{.name = NameOf(a), .kind = BoardKind::kChessboard, .square = Metres(square)};
+  if (!a.circles.empty()) {
+    d.kind = BoardKind::kCircles;
+    d.square = Metres(a.spacing > 0 ? a.spacing : kDefaultSpacing);
+    d.asymmetric = a.asymmetric;
+  }
   if (!a.charuco.empty()) {
     d.kind = BoardKind::kCharuco;
     d.dictionary = a.dictionary;
@@ -89,8 +98,10 @@ BoardDescription SquaresFor(const BoardArguments& a) {
     d.first_id = a.first_id;
     d.legacy = a.legacy;
   }
-  const auto size = GridSizeFromText(a.charuco.empty() ? a.chessboard : a.charuco);
-  if (!size) throw std::invalid_argument("--chessboard and --charuco are columns x rows, as 9x6");
+  const auto size = GridSizeFromText(a.chessboard + a.charuco + a.circles);
+  if (!size) {
+    throw std::invalid_argument("--chessboard, --charuco and --circles are columns x rows, as 9x6");
+  }
   d.columns = size->columns;
   d.rows = size->rows;
   return d;
@@ -98,8 +109,10 @@ BoardDescription SquaresFor(const BoardArguments& a) {
 
 // Throws if a side was meant in metres: no print shows so small a one.
 void RequirePrintable(const BoardArguments& a) {
-  for (const auto& [option, side] :
-       {std::pair{"--tag-size", a.tag_size}, {"--square", a.square}, {"--marker", a.marker}}) {
+  for (const auto& [option, side] : {std::pair{"--tag-size", a.tag_size},
+                                     {"--square", a.square},
+                                     {"--marker", a.marker},
+                                     {"--spacing", a.spacing}}) {
     if (side > 0 && side < 1) {
       throw std::invalid_argument(absl::StrCat(option, ": ", side,
                                                " mm is too small to print; numbers are "
@@ -111,7 +124,7 @@ void RequirePrintable(const BoardArguments& a) {
 
 std::vector<Board> BoardsFor(const BoardArguments& a) {
   RequirePrintable(a);
-  if (!a.chessboard.empty() || !a.charuco.empty()) {
+  if (!a.chessboard.empty() || !a.charuco.empty() || !a.circles.empty()) {
     return {Board(SquaresFor(a))};
   }
   const double tag_size = a.tag_size > 0 ? a.tag_size : DefaultTagSize(a.kind());
@@ -153,7 +166,9 @@ std::string WhatIs(const std::vector<Board>& boards) {
   const Board& first = boards.front();
   const BoardDescription& d = first.description();
   if (d.kind != BoardKind::kTags) {
-    return absl::StrCat(first.family(), ", squares of ", d.square * kMmPerMetre, " mm");
+    return absl::StrCat(first.family(),
+                        d.kind == BoardKind::kCircles ? ", spacing " : ", squares of ",
+                        d.square * kMmPerMetre, " mm");
   }
   const int last = boards.back().first_mark() + boards.back().tags() - 1;
   return absl::StrCat(d.family, " ", d.first_id, " to ", last, ", tags of ",
@@ -174,11 +189,16 @@ void Print(const BoardArguments& arguments, const std::vector<Board>& boards,
       {"pages", sheets.size()},
       {"lattice", first.lattice().value_or(Lattice{.exact = false}).exact},
       {"files", files}};
-  if (d.kind != BoardKind::kChessboard) json["tag_size"] = d.tag_size;
-  if (d.kind == BoardKind::kTags) {
-    json["gap"] = d.gap;
-  } else {
-    json["square"] = d.square;
+  if (d.tag_size > 0) json["tag_size"] = d.tag_size;
+  switch (d.kind) {
+    case BoardKind::kTags:
+      json["gap"] = d.gap;
+      break;
+    case BoardKind::kCircles:
+      json["spacing"] = d.square;
+      break;
+    default:
+      json["square"] = d.square;
   }
   std::string notes;
   if (!first.lattice()) {
@@ -225,8 +245,8 @@ absl::StatusOr<ExitCode> RunBoard(const BoardArguments& arguments) {
 void AddBoardCommand(CLI::App& program, Run& run) {
   CLI::App* command = program.add_subcommand(
       "board",
-      "Make a board to be printed, of AprilTags, a chessboard or ChArUco: PDF, PNG and its "
-      "description");
+      "Make a board to be printed, of AprilTags, a chessboard, ChArUco or circles: PDF, PNG and "
+      "its description");
   auto a = std::make_shared<BoardArguments>();
   command->add_option("--out", a->out, "Writes OUT.pdf, OUT.png and OUT.yaml")->required();
   command->add_option("--name", a->name, "Name of the board; default: the last part of OUT");
@@ -263,29 +283,39 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       "--chessboard", a->chessboard, "A chessboard instead: inner corners, columns x rows, as 9x6");
   auto* charuco = command->add_option("--charuco", a->charuco,
                                       "A ChArUco board instead: squares, columns x rows, as 7x5");
+  auto* circles =
+      command->add_option("--circles", a->circles, "Circles instead: columns x rows, as 4x11");
+  auto* spacing =
+      command->add_option("--spacing", a->spacing, "Millimetres from a row to the next (20)")
+          ->needs(circles)
+          ->check(PositiveNumber());
+  auto* asymmetric =
+      command->add_flag("--asymmetric", a->asymmetric, "Every second row is moved by a spacing")
+          ->needs(circles);
   auto* square = command->add_option("--square", a->square, "Millimetres of a square's side (25)")
                      ->check(PositiveNumber());
   auto* marker =
       command->add_option("--marker", a->marker, "Millimetres of a marker's side (0.75 squares)")
           ->needs(charuco)
           ->check(PositiveNumber());
-  for (auto* length : {square, marker}) TakeLengths(length, LengthUnit::kMillimetres);
+  for (auto* length : {square, marker, spacing}) TakeLengths(length, LengthUnit::kMillimetres);
   auto* dictionary =
       command->add_option("--dictionary", a->dictionary, "Of the markers, by OpenCV's name")
           ->needs(charuco)
           ->capture_default_str();
   auto* legacy =
       command->add_flag("--legacy", a->legacy, "Laid out as by OpenCV before 4.6")->needs(charuco);
-  for (auto* squares : {chessboard, charuco}) {
+  for (auto* squares : {chessboard, charuco, circles}) {
     for (auto* of_tags : {family, rows, columns, tag_size, gap, flange, floor}) {
       squares->excludes(of_tags);
     }
   }
   chessboard->excludes(charuco)->excludes(first_id);
+  circles->excludes(chessboard)->excludes(charuco)->excludes(first_id)->excludes(square);
   auto* from = command->add_option(
       "--from", a->from, "Print the boards of this file instead (YAML, ours or Kalibr's)");
   for (auto* made : {family, rows, columns, tag_size, gap, first_id, flange, floor, chessboard,
-                     charuco, square, marker, dictionary, legacy}) {
+                     charuco, square, marker, dictionary, legacy, circles, spacing, asymmetric}) {
     from->excludes(made);
   }
   command->add_option("--paper", a->paper,
@@ -301,6 +331,7 @@ void AddBoardCommand(CLI::App& program, Run& run) {
       "  silhouette-calibrate board --out wall --rows 4 --columns 6 --tag-size 30\n"
       "  silhouette-calibrate board --out hand --chessboard 9x6 --square 25\n"
       "  silhouette-calibrate board --out plate --charuco 7x5 --square 40 --marker 30\n"
+      "  silhouette-calibrate board --out dots --circles 4x11 --asymmetric --spacing 20\n"
       "  silhouette-calibrate board --out grid --from april_6x6.yaml\n"
       "  silhouette-calibrate board --out flange --flange --first-id 100\n"
       "  silhouette-calibrate board --out floor --floor 6 --first-id 200 --paper A4");

@@ -155,7 +155,7 @@ void DrawTag(Picture& picture, int scale, const DetectedTag& tag, Colour colour)
     cv::line(picture, Fine(tag.corners[i], scale), Fine(tag.corners[(i + 1) % corners], scale),
              BgrOf(colour), 1, cv::LINE_AA, kFraction);
   }
-  if (corners == 1) {  // of a chessboard: the first one says how it lies
+  if (corners == 1) {  // a corner or circle: the first one says how the board lies
     DrawDot(picture, Fine(middle, scale), 3, tag.tag == 0 ? palette::kGoal : colour,
             tag.tag == 0 ? cv::FILLED : 1);
     return;

@@ -69,11 +69,18 @@ TEST(Board, CornersLieAtTheirPlacesOnTheLattice) {
   BoardDescription tags = TwoByThree();
   tags.gap = 0.3 * tags.tag_size;
   tags.from_bottom = true;
-  for (const Board& board : {Board(tags), Board({.name = "hand",
-                                          .kind = BoardKind::kChessboard,
-                                          .rows = 6,
-                                          .columns = 9,
-                                          .square = 0.025})}) {
+  for (const Board& board : {Board(tags),
+                             Board({.name = "hand",
+                             .kind = BoardKind::kChessboard,
+                             .rows = 6,
+                             .columns = 9,
+                             .square = 0.025}),
+                             Board({.name = "dots",
+                             .kind = BoardKind::kCircles,
+                             .rows = 11,
+                             .columns = 4,
+                             .square = 0.02,
+                             .asymmetric = true})}) {
     const Lattice lattice = board.lattice().value();
     for (int id = board.first_mark(); board.HasTag(id); ++id) {
       for (int corner = 0; corner < board.corners_per_mark(); ++corner) {
@@ -180,8 +187,6 @@ TEST(BoardFile, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  tagsize: 0.04\n"),
               testing::AllOf(StartsWith("boards.yaml:2:"), HasSubstr("'tag_size'")));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n"), HasSubstr("'tag_size' is missing"));
-  EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 0.02}\n"),
-              HasSubstr("boards of circles are not read; print a chessboard or ChArUco"));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  tag_size: 0.04\n  colums: 3\n"),
               HasSubstr("'columns'"));
   EXPECT_THAT(BoardFileMessageFor("- name: a\n  rows: 2\n  tag_size: 0.04\n"), HasSubstr("'gap'"));
@@ -248,6 +253,32 @@ TEST(BoardFile, GivesKalibrsAprilGridWithTheFirstRowAtTheBottom) {
   EXPECT_EQ(again->front().CornersOf(40)[0], board.CornersOf(40)[0]);
 }
 
+// As OpenCV's samples and Kalibr have them.
+TEST(BoardFile, GivesCirclesAndKalibrsCirclegrid) {
+  const auto read = BoardsFromText(
+      "- {name: dots, circles: 4x11, spacing: 0.02, asymmetric: true}\n"
+      "- {name: even, circles: 7x5, spacing: 0.03}\n",
+      "boards.yaml");
+  ASSERT_TRUE(read.ok()) << read.status();
+  const Board& dots = read->front();
+  EXPECT_EQ(dots.family(), "asymmetric-circles-4x11");
+  EXPECT_EQ(dots.tags(), 44);
+  EXPECT_TRUE(dots.CornersOf(5)[0].isApprox(Eigen::Vector3d(0.06, 0.02, 0)));
+  EXPECT_TRUE(dots.extent().isApprox(Eigen::Vector2d(0.14, 0.2)));
+  EXPECT_FALSE(dots.IsAmbiguous());
+  EXPECT_TRUE((*read)[1].IsAmbiguous());
+  EXPECT_TRUE((*read)[1].extent().isApprox(Eigen::Vector2d(0.18, 0.12)));
+  const auto again = BoardsFromText(BoardFileText(*read), "boards.yaml");
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->front().CornersOf(5)[0], dots.CornersOf(5)[0]);
+  const auto kalibr = BoardsFromText(
+      "target_type: 'circlegrid'\ntargetCols: 4\ntargetRows: 11\nspacingMeters: 0.02\n"
+      "asymmetricGrid: True\n",
+      "circles.yaml");
+  ASSERT_TRUE(kalibr.ok()) << kalibr.status();
+  EXPECT_EQ(kalibr->front().CornersOf(5)[0], dots.CornersOf(5)[0]);
+}
+
 TEST(BoardFile, GivesKalibrsCheckerboard) {
   const auto read = BoardsFromText(
       "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\n"
@@ -258,7 +289,14 @@ TEST(BoardFile, GivesKalibrsCheckerboard) {
 }
 
 TEST(BoardFile, MistakesInOtherBoardsAreToldWithTheMend) {
-  EXPECT_THAT(BoardFileMessageFor("target_type: circlegrid\n"), HasSubstr("circles are not read"));
+  EXPECT_THAT(BoardFileMessageFor("target_type: concentric\n"), HasSubstr("or circlegrid"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 20}\n"),
+              HasSubstr("spacing 20 is in metres"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x1, spacing: 0.02}\n"),
+              HasSubstr("at least 2x2"));
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 0.02}\n"
+                                  "- {name: b, circles: 4x11, spacing: 0.03}\n"),
+              HasSubstr("circles of one size"));
   EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9, square: 0.025}\n"),
               HasSubstr("such as 9x6"));
   EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9x6, square: 25}\n"),

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "calib/poses/pose_bundle.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_fit.h"
@@ -228,19 +229,22 @@ TEST(PoseRefusals, SizesOfTheLastSolveAreHeldToTheSameLimit) {
   EXPECT_EQ(refusal(1.02, 1e-4, SizeTrust::kStated), "");
 }
 
-TEST(PoseRefusals, ChessboardsAndChArUcoNameTheirSquaresWithTheUncertainty) {
+TEST(PoseRefusals, BoardsNameTheirSquaresOrSpacingsWithTheUncertainty) {
   const PoseRig rig = FlangeRig(7, 1, 18);
   absl::StatusOr<PoseFit> fit = FitWithExactRobot(rig.problem);
   ASSERT_TRUE(fit.ok()) << fit.status();
   fit->bundle.sizes.assign(fit->bundle.sizes.size(), 1.02);
   fit->bundle.size_sigmas.assign(fit->bundle.sizes.size(), 1e-4);
   BoardDescription d = {.name = "b", .rows = 6, .columns = 9, .square = 0.025};
-  for (const BoardKind kind : {BoardKind::kChessboard, BoardKind::kCharuco}) {
+  for (const auto& [kind, lengths] : {std::pair{BoardKind::kChessboard, "squares"},
+                                      {BoardKind::kCharuco, "squares"},
+                                      {BoardKind::kCircles, "spacings"}}) {
     d.kind = kind;
     d.tag_size = kind == BoardKind::kCharuco ? 0.018 : 0;
     fit->network.boards[0].board = Board(d);
     EXPECT_THAT(std::string(CheckFinalSizes(SizeTrust::kNeither, *fit).message()),
-                HasSubstr("the squares of board 'b' measure 25.5 mm (+- 0.0025 mm), not 25 mm"));
+                HasSubstr(absl::StrCat("the ", lengths,
+                                       " of board 'b' measure 25.5 mm (+- 0.0025 mm), not 25 mm")));
   }
 }
 

@@ -52,7 +52,7 @@ TEST_F(BoardProgram, WritesPdfPngAndDescription) {
   EXPECT_EQ(json["lattice"], false);
 }
 
-TEST_F(BoardProgram, PrintsChessboardsCharucoAndBoardsOfAFile) {
+TEST_F(BoardProgram, PrintsChessboardsCharucoCirclesAndBoardsOfAFile) {
   const auto read = [&] {
     return BoardsFromText(ContentOf(folder_ / "wall.yaml"), "wall.yaml").value().front();
   };
@@ -63,6 +63,10 @@ TEST_F(BoardProgram, PrintsChessboardsCharucoAndBoardsOfAFile) {
       << err_;
   EXPECT_EQ(read().family(), "charuco-DICT_5X5_100-0-5x7");
   EXPECT_EQ(read().description().tag_size, 0.0225);
+  ASSERT_EQ(Run("--circles 4x11 --asymmetric --spacing 15 --dpi 30 --format json --overwrite"), 0)
+      << err_;
+  EXPECT_EQ(nlohmann::json::parse(out_)["spacing"], 0.015);
+  EXPECT_EQ(read().family(), "asymmetric-circles-4x11");
   WriteFile(folder_ / "grid.yaml",
             "target_type: 'aprilgrid'\ntagCols: 3\ntagRows: 2\ntagSize: 0.04\ntagSpacing: 0.3\n");
   ASSERT_EQ(Run("--from grid.yaml --dpi 30 --overwrite"), 0) << err_;

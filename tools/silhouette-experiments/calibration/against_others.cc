@@ -223,6 +223,11 @@ std::optional<std::vector<Eigen::Vector2d>> CornersByOpenCv(const Board& board,
   if (d.kind == BoardKind::kTags) return TagsByOpenCv(d.family, image);
   if (d.kind == BoardKind::kCharuco) return CharucoByOpenCv(d, image);
   std::vector<cv::Point2f> corners;
+  if (d.kind == BoardKind::kCircles) {
+    const int kind = d.asymmetric ? cv::CALIB_CB_ASYMMETRIC_GRID : cv::CALIB_CB_SYMMETRIC_GRID;
+    const bool seen = cv::findCirclesGrid(image, {d.columns, d.rows}, corners, kind);
+    return seen ? VectorsOf(corners) : std::vector<Eigen::Vector2d>();
+  }
   const bool found = cv::findChessboardCornersSB(
       image, {d.columns, d.rows}, corners,
       cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY);

@@ -26,8 +26,8 @@ absl::StatusOr<std::vector<CameraModel>> CalibrateByMrcal(std::span<const NamedC
                                                           std::span<const TagSighting> sightings);
 
 // The corners that OpenCV finds of the board in an image (CV_8UC1), pixels, in no order: those of
-// findChessboardCornersSB, interpolateCornersCharuco or, of tags, detectMarkers with
-// CORNER_REFINE_SUBPIX. Nothing: it cannot read the board's tags.
+// findChessboardCornersSB, interpolateCornersCharuco, findCirclesGrid or, of tags, detectMarkers
+// with CORNER_REFINE_SUBPIX. Nothing: it cannot read the board's tags.
 std::optional<std::vector<Eigen::Vector2d>> CornersByOpenCv(const Board& board,
                                                             const cv::Mat& image);
 

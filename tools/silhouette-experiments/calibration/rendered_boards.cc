@@ -240,6 +240,13 @@ const std::vector<BoardLine>& BoardLines() {
               .columns = 7,
               .tag_size = 0.03,
               .square = 0.04})},
+      {"circles", "an asymmetric board of 6 x 9 circles",
+       Board({.name = "circles",
+              .kind = BoardKind::kCircles,
+              .rows = 9,
+              .columns = 6,
+              .square = 0.02,
+              .asymmetric = true})},
   };
   return lines;
 }
@@ -272,7 +279,8 @@ absl::Status MeasureBoardLine(const BoardLine& line, int images, uint64_t seed,
   std::vector<SeenCorners> of_opencv;
   for (int i = 0; i < images; ++i) {
     const std::string frame = absl::StrFormat("%04d", i + 1);
-    const bool whole = i % 3 != 0 || line.board.description().kind == BoardKind::kChessboard;
+    const BoardKind kind = line.board.description().kind;
+    const bool whole = i % 3 != 0 || kind == BoardKind::kChessboard || kind == BoardKind::kCircles;
     const HeldBoard held = DrawHeldBoard(camera, line.board, frame, whole, chance);
     const cv::Mat image = photographer.Take(held.world_from_board, held.shot);
     ImageTags tags = FindTags(detector, image, std::nullopt);

@@ -52,7 +52,7 @@ struct BoardResult {
 
 // Adds a session of `images` images of 1280 x 960 pixels. The board is as wide as a sixth to two
 // thirds of the image, tilted by up to 50 degrees, turned by chance; in every third image a part of
-// it may be outside, but for chessboards. Internal: a solver failed.
+// it may be outside, but for chessboards and circles. Internal: a solver failed.
 absl::Status MeasureBoardLine(const BoardLine& line, int images, uint64_t seed,
                               BoardResult& result);
 
