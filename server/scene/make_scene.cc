@@ -297,6 +297,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
   absl::Duration newest = -absl::InfiniteDuration();
   for (size_t i = 0; i < input.views.size(); ++i) {
     const ViewInput& view = input.views[i];
+    if (std::holds_alternative<LeftOut>(view.image)) continue;
     const absl::StatusOr<Moment> captured = CaptureOf(view, arrived);
     if (!captured.ok()) return InField(captured.status(), i, view);
     const absl::StatusOr<int> number = NewView(database, input, scene, view.view);
@@ -307,7 +308,7 @@ absl::StatusOr<Scene> MakeScene(const ServedDatabase& whole, const SceneInput& i
     if (captured->running < scene.oldest.running) scene.oldest = *captured;
     newest = std::max(newest, captured->running);
   }
-  if (input.views.empty()) {
+  if (scene.oldest.running == absl::InfiniteDuration()) {  // no image
     scene.oldest = arrived;
     newest = arrived.running;
   }

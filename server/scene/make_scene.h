@@ -55,10 +55,13 @@ struct EncodedImage {
   std::string bytes;
 };
 
+// An image that came and is not used: SceneInput::without_views says why.
+struct LeftOut {};
+
 struct ViewInput {
   std::string view;
   std::optional<Moment> captured;  // nothing: the moment of arrival
-  std::variant<SceneMask, ObstacleMask, EncodedImage> image;
+  std::variant<SceneMask, ObstacleMask, EncodedImage, LeftOut> image;
 };
 
 struct SceneInput {
@@ -66,7 +69,7 @@ struct SceneInput {
   std::vector<ViewInput> views;
   // Why there are no joints, where that is known; they are then not asked for.
   std::string without_joints = "";
-  // Why a view is not among `views`, by its name, where that is known.
+  // Why a view has no image among `views`, by its name, where that is known.
   std::map<std::string, std::string> without_views = {};
   // The variant that shows the robot as it is: its tool, the part that it carries.
   // Empty: the default variant.

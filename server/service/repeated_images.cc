@@ -4,7 +4,6 @@
 #include <xxhash.h>
 
 #include <variant>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 
@@ -20,13 +19,14 @@ constexpr absl::Duration kSameTime = absl::Milliseconds(5);
 void RepeatedImages::TakeOut(const ServedDatabase& database, const Moment& arrived,
                              SceneInput& input) {
   const std::lock_guard lock(mutex_);
-  std::erase_if(input.views, [&](const ViewInput& view) {
+  for (ViewInput& view : input.views) {
     const auto* image = std::get_if<EncodedImage>(&view.image);
     if (image == nullptr || !database.ViewOf(view.view) || without_noise_.contains(view.view)) {
-      return false;
+      continue;
     }
-    const uint64_t digest = XXH3_64bits(image->bytes.data(), image->bytes.size());
     const absl::Duration captured = view.captured.value_or(arrived).running;
+    if (captured > arrived.running + kClockTolerance) continue;  // MakeScene refuses it
+    const uint64_t digest = XXH3_64bits(image->bytes.data(), image->bytes.size());
     View& known = views_[view.view];
     const absl::Duration later = captured - known.captured;
     if (!known.digest || later > (digest == *known.digest ? kSameTime : absl::ZeroDuration())) {
@@ -34,14 +34,14 @@ void RepeatedImages::TakeOut(const ServedDatabase& database, const Moment& arriv
       known.digest = digest;
       known.captured = captured;
     }
-    if (known.repeats < kFrozen) return false;
+    if (known.repeats < kFrozen) continue;
     input.without_views[view.view] = absl::StrCat(
         "the camera is frozen: ", known.repeats,
         " images in a row repeat earlier ones, byte for byte, under new time stamps; restart the "
         "camera; if its source has no noise (a file, a simulator, strong compression), state "
         "'noise: none' at its view in the cell file");
-    return true;
-  });
+    view.image = LeftOut{};
+  }
 }
 
 }  // namespace silhouette

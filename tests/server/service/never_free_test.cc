@@ -193,6 +193,27 @@ TEST_F(FrozenCamera, HasNoMaskInItsPlace) {
   EXPECT_THAT(status.error_message(), testing::HasSubstr("the view is given twice"));
 }
 
+// Behind a frozen camera's image the fields are still those of the request.
+TEST_F(FrozenCamera, ChangesNoNumberOfAFieldInARefusal) {
+  for (int image = 0; image < 3; ++image) Publish(server, 0);
+  SceneInput input = Pictured(0);
+  input.views[2].image = SceneMask{Mask({3, 3})};
+  server.clock.Advance(absl::Milliseconds(50));
+  const grpc::Status status = server.PublishStatus(server.Stamped(RequestOf(input)));
+  EXPECT_THAT(status.error_message(), testing::StartsWith("views[2] 'top': "));
+}
+
+// Its time would let no later image count as taken after it.
+TEST_F(FrozenCamera, IsNoticedAfterAnImageOfTheFutureWasRefused) {
+  v1::PublishSceneRequest future = RequestOf(Pictured(0));
+  for (v1::ViewImage& view : *future.mutable_views()) {
+    Set(server.clock.now() + absl::Hours(1), view.mutable_capture_time());
+  }
+  EXPECT_EQ(server.PublishStatus(future).error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  for (int image = 0; image < 4; ++image) Publish(server, 1);
+  EXPECT_EQ(server.CheckOne(At(1, 0)).reason(), v1::Verdict::REASON_VIEW_MISSING);
+}
+
 TEST_F(FrozenCamera, IsNoneWhoseImagesAreSentAgainAtOnce) {
   for (int image = 0; image < 6; ++image) {
     EXPECT_EQ(Publish(server, image).defects_size(), 0);
