@@ -13,7 +13,8 @@ namespace silhouette {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kSnap = 1e-6;  // in steps
+constexpr double kSnap = 1e-6;      // in steps
+constexpr double kMostSteps = 1e9;  // beyond it doubles become coarser than kSnap
 constexpr uint64_t kMaxConfigurations = uint64_t{1} << 40;
 constexpr int kTileBits = 12;  // 4096 == 1 << 12
 
@@ -189,11 +190,12 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
   }
   double place = (value - joint.lower) / joint.step();
   if (joint.continuous) {
+    if (std::abs(place) > kMostSteps) return std::nullopt;
     place -= std::floor(place / joint.steps) * joint.steps;
     if (place > joint.steps - kSnap) place = 0;
   }
   const double last = joint.continuous ? joint.steps : joint.steps - 1;
-  if (!(place >= -kSnap && place <= last + kSnap)) return std::nullopt;  // NaN: too many turns away
+  if (!(place >= -kSnap && place <= last + kSnap)) return std::nullopt;
   const int below = static_cast<int>(place);
   const double nearest = place - below > 0.5 ? below + 1 : below;
   if (std::abs(place - nearest) <= kSnap) return nearest;

@@ -110,7 +110,7 @@ class ConfigurationGrid {
   CellCorners CornersAround(std::span<const double> q) const;
 
   // The place of `value` along joint `j` in steps, 0 to steps - 1 (continuous: less than steps),
-  // snapped to a grid value within a millionth of a step; nothing outside the grid.
+  // snapped to a millionth of a step; nothing outside the grid, nor more than 1e9 steps away.
   std::optional<double> Place(int j, double value) const;
 
   // The index `delta` steps along joint `j`, wrapped on a continuous joint; nothing beyond the rim.

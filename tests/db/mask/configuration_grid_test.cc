@@ -227,6 +227,17 @@ TEST(ConfigurationGrid, WrapsAContinuousJointByWholeTurns) {
   EXPECT_NEAR(grid.At(GridIndex{7})[0], std::numbers::pi - kTurn / 8, 1e-12);
 }
 
+// A double of that size does not say where in its turn the joint is.
+TEST(ConfigurationGrid, HasNoPlaceForAContinuousJointABillionStepsAway) {
+  const ConfigurationGrid grid({{"turn", -std::numbers::pi, std::numbers::pi, 8, true}});
+  EXPECT_TRUE(grid.Place(0, 7e8));
+  for (const double value : {8e8, -8e8, 1e16, 1e308}) {
+    EXPECT_FALSE(grid.Place(0, value)) << value;
+    EXPECT_FALSE(grid.Nearest(std::vector{value})) << value;
+    EXPECT_EQ(grid.CornersAround(std::vector{value}).count(), 0) << value;
+  }
+}
+
 TEST(ConfigurationGrid, HasItsLimitsAmongItsValues) {
   const ConfigurationGrid grid({{"slide", 0.1, 0.7, 7, false}, {"fixed", 0.3, 0.3, 1, false}});
   EXPECT_THAT(grid.At(GridIndex{0, 0}), ElementsAre(0.1, 0.3));
