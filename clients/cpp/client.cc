@@ -51,6 +51,15 @@ absl::StatusOr<Answered<Response>> Ask(const std::shared_ptr<const Connection>& 
   return Answered<Response>{.message = *std::move(response), .made = made};
 }
 
+// Whether the server is of the connection's cell (RequireSameCell). Asked before something is
+// changed: what is meant for one cell must leave another as it is.
+absl::Status AskCell(const Connection& connection, absl::Duration timeout) {
+  const auto response = connection.Call(&v1::CollisionService::Stub::CheckConfigurations,
+                                        v1::CheckConfigurationsRequest(), timeout);
+  if (!response.ok()) return response.status();
+  return connection.RequireSameCell(response->basis());
+}
+
 void RequireMasks(const v1::Scene& scene) {
   for (const v1::SceneView& view : scene.views()) {
     if (!view.has_obstacle()) continue;
@@ -85,7 +94,6 @@ class PublishingClock {
 
   // These images were taken at `taken` or later.
   absl::Status Stamp(RunningClock::time_point taken, std::span<v1::ViewImage* const> images) {
-    if (images.empty()) return absl::OkStatus();
     const std::lock_guard lock(mutex_);
     const absl::StatusOr<absl::Duration> clock = clock_.ClockAt(taken);
     if (!clock.ok()) return clock.status();
@@ -267,7 +275,8 @@ absl::StatusOr<v1::Scene> Client::PublishScene(
     if (!image.has_capture_time() && !image.has_server_clock()) unstamped.push_back(&image);
   }
   const auto publish = [&]() -> absl::StatusOr<v1::PublishSceneResponse> {
-    const absl::Status status = publishing_clock_->Stamp(*taken, unstamped);
+    const absl::Status status = unstamped.empty() ? AskCell(*connection_, timeout_)
+                                                  : publishing_clock_->Stamp(*taken, unstamped);
     if (!status.ok()) return status;
     return connection_->Call(&v1::SceneService::Stub::PublishScene, scene, timeout_);
   };
@@ -298,18 +307,21 @@ absl::StatusOr<v1::Acquisition> Client::GetAcquisition() const {
 }
 
 absl::StatusOr<v1::ChangeVariantResponse> Client::BeginVariantChange() const {
+  if (absl::Status same = AskCell(*connection_, timeout_); !same.ok()) return same;
   v1::ChangeVariantRequest request;
   request.set_changing(true);
   return connection_->Call(&v1::SceneService::Stub::ChangeVariant, request, timeout_);
 }
 
 absl::StatusOr<v1::ChangeVariantResponse> Client::ChangeVariant(const std::string& variant) const {
+  if (absl::Status same = AskCell(*connection_, timeout_); !same.ok()) return same;
   v1::ChangeVariantRequest request;
   request.set_variant(variant);
   return connection_->Call(&v1::SceneService::Stub::ChangeVariant, request, timeout_);
 }
 
 absl::StatusOr<v1::AllowedRegion> Client::AllowRegion(const v1::AllowRegionRequest& region) const {
+  if (absl::Status same = AskCell(*connection_, timeout_); !same.ok()) return same;
   const auto response = connection_->Call(&v1::SceneService::Stub::AllowRegion, region, timeout_);
   if (!response.ok()) return response.status();
   return WithMasks(response->region(), address());

@@ -68,8 +68,8 @@ class PublishingClock;
 // Any number of threads may use a client at once. Copies share the connection. In a process that
 // was forked from one that had a client, every call is a FailedPrecondition: it would disturb the
 // parent's. From the first answer on a client is of one cell: if the server of another one (by
-// name, grid, fixed joints or views) has the address later, checks, watches and GetDatabase end as
-// FailedPrecondition, and nothing of a LocalSpace is known; connect again.
+// name, grid, fixed joints or views) has the address later, checks, watches, GetDatabase and what
+// changes the cell end as FailedPrecondition, and nothing of a LocalSpace is known; connect again.
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the

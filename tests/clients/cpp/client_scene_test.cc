@@ -16,6 +16,7 @@ namespace {
 TEST(Scene, IsSentAndReadWhole) {
   FakeServer server;
   v1::PublishSceneRequest seen;
+  server.check_configurations = [](auto&, auto&, auto&) { return grpc::Status::OK; };
   server.publish_scene = [&](auto&, const v1::PublishSceneRequest& request,
                              v1::PublishSceneResponse& response) {
     seen = request;

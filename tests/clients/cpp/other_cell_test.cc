@@ -13,6 +13,7 @@
 #include "silhouette/check_stream.h"
 #include "silhouette/client.h"
 #include "silhouette/local_space.h"
+#include "silhouette/messages.h"
 #include "silhouette/path_watch.h"
 #include "tests/clients/cpp/watched_space.h"
 #include "tests/server/service/test_server.h"
@@ -98,6 +99,25 @@ TEST_F(OneAddress, OtherCellAnswersNoQuestion) {
     EXPECT_EQ(status.message(), "the server at " + address_ +
                                     " now serves cell 'lathe', not cell 'press'; connect again");
   }
+}
+
+// A region that is allowed for one robot's part would hide what stands in another's way.
+TEST_F(OneAddress, OtherCellIsNotChanged) {
+  ASSERT_EQ(Asked(*client_), State::kFree);
+  ServeOther(CellNamed("lathe"));
+  ASSERT_EQ(Asked(*Client::Connect(address_)), State::kFree);
+  const v1::AllowRegionRequest region = RegionAt("part", 2, absl::Minutes(1));
+  v1::PublishSceneRequest scene = RequestOf(EmptyCellScene());
+  for (v1::ViewImage& image : *scene.mutable_views()) {
+    *image.mutable_capture_time() = ToMessage(absl::Now());
+  }
+  for (const absl::Status& status :
+       {client_->AllowRegion(region).status(), client_->ChangeVariant("default").status(),
+        client_->BeginVariantChange().status(), client_->PublishScene(scene).status()}) {
+    EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("now serves cell 'lathe'"));
+  }
+  EXPECT_EQ(Client::Connect(address_)->ListAllowedRegions()->regions_size(), 0);
 }
 
 TEST_F(OneAddress, OtherCellLeavesNothingKnownInALocalSpace) {
