@@ -157,6 +157,10 @@ absl::StatusOr<std::vector<Configuration>> WaypointsOf(
         "give waypoints, e.g. 0.1,0.2 0.3,0.2, or a path with --file FILE, and not both");
   }
   if (!arguments.file.empty()) {
+    if (session.unit == AngleUnit::kDegrees) {
+      return absl::InvalidArgumentError(
+          "--degrees does not go with a path's --file: its values are radians and metres");
+    }
     ASSIGN_OR_RETURN(PathFile path, ReadPath(arguments.file));
     if (path.joints.empty()) return std::move(path.waypoints);
     ASSIGN_OR_RETURN(const v1::GetDatabaseResponse asked, database());

@@ -276,6 +276,7 @@ TEST_F(Silhouette, PlanLeadsAroundTheWallAndIsJudgedByTheTruth) {
   EXPECT_EQ(path["waypoints"].size(), plan["path_waypoints"]);
   EXPECT_EQ(path["waypoints"].front(), Json({0.0, 0.0}));
   EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 0);
+  EXPECT_THAT(cell_.Run("path --degrees --file path.json").err, HasSubstr("radians and metres"));
   EXPECT_GT(cv::imread((cell_.shell().folder() / "configuration-space.png").string()).cols, 100);
   for (const char* planner : {"rrtconnect", "lbkpiece"}) {
     const Json other =
