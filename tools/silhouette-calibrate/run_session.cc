@@ -57,8 +57,9 @@ std::string JointsText(const RobotModel& robot, const SessionRecord& record) {
   return text;
 }
 
-// Poses in vain, for each frame that is wanted, before giving up.
+// Poses in vain, for each frame that is wanted, before giving up; and before the first frame.
 constexpr size_t kMostInVain = 6;
+constexpr size_t kMostBeforeFirst = 20;
 
 // Longest delay until the robot receives a stop.
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
@@ -302,7 +303,8 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
     plan.Tell(*goal, views);
     for (const std::string& view : views) ++seen[view];
     in_vain += views.empty() ? 1 : 0;
-    if (!listed && in_vain > kMostInVain * wanted) {
+    const bool none = record.frames.empty() && in_vain >= kMostBeforeFirst;
+    if (!listed && (none || in_vain > kMostInVain * wanted)) {
       return FailedPrecondition(
           "the board '", settings.flange_board, "' was seen in ", record.frames.size(), " of ",
           record.frames.size() + in_vain,

@@ -136,6 +136,21 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
               HasSubstr("lens_rim_sigma"));
 }
 
+TEST_F(CalibrateRunWithoutLenses, ABoardThatNoCameraSeesIsToldSoon) {
+  WriteCell("");
+  WriteFile(folder_ / "boards.yaml",
+            "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
+            "gap: 0.09, first_id: 60}\n");
+  WriteFile(folder_ / "mounted.yaml",
+            "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
+            "gap: 0.09, first_id: 0}\n");
+  std::string simulation = ContentOf(folder_ / "simulation.yaml");
+  simulation.replace(simulation.find("boards.yaml"), 6, "mounted");
+  WriteFile(folder_ / "simulation.yaml", simulation);
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 20")), 2);
+  EXPECT_THAT(err(), HasSubstr("the board 'flange' was seen in 0 of 20 poses only"));
+}
+
 TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
   WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
   // The folder is made before the robot sets off.
