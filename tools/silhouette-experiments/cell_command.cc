@@ -358,8 +358,7 @@ absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
   CatchStopSignals();
   const auto database = OpenDatabase(arguments, workplace);
   if (absl::IsCancelled(database.status())) {
-    std::cerr << "stopped; what was captured is stored. Run the same command again to resume"
-              << std::endl;
+    std::cerr << database.status().message() << std::endl;
     return kNo;
   }
   if (!database.ok()) return database.status();

@@ -126,7 +126,10 @@ absl::Status SimulatedWorkplace::Capture(Database& database,
                                                         cell_.capture, cell_.segmentation));
   const CaptureReport report = session.Run(plan, kProgram, observer);
   if (!report.status.ok()) return report.status;
-  if (report.stopped) return absl::CancelledError("the capture was stopped");
+  if (report.stopped) {
+    return absl::CancelledError(
+        "stopped; what was captured is stored. Run the same command again to resume");
+  }
   if (!report.complete()) {
     return absl::InternalError("not all configurations could be captured");
   }

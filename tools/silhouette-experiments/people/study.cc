@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-experiments/people/study.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
@@ -56,6 +61,31 @@ absl::StatusOr<std::vector<EpisodeResult>> ReadResults(const Study& study) {
   return results;
 }
 
+// Keeps other studies out of the folder of the results, until it is destroyed.
+class FolderLock {
+ public:
+  FolderLock() = default;
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+  ~FolderLock() {
+    if (folder_ >= 0) close(folder_);
+  }
+
+  // FailedPrecondition: another study has it.
+  absl::Status Take(const std::filesystem::path& folder) {
+    folder_ = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (folder_ < 0 || flock(folder_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) {
+      return absl::OkStatus();  // what is wrong with the folder is said when the file is written
+    }
+    return absl::FailedPreconditionError(
+        absl::StrCat("another process writes its results to '", folder.string(),
+                     "'; wait for its end, or name another folder with --out"));
+  }
+
+ private:
+  int folder_ = -1;
+};
+
 // Appends results to the file, whichever thread has them.
 class Keeper {
  public:
@@ -91,7 +121,9 @@ absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const St
                                                     const StudyProgress& progress,
                                                     const std::function<bool()>& stop) {
   std::vector<EpisodeResult> before;
+  FolderLock folder;
   if (!study.file.empty()) {
+    RETURN_IF_ERROR(folder.Take(std::filesystem::path(study.file).parent_path()));
     ASSIGN_OR_RETURN(before, ReadResults(study));
   }
   std::erase_if(before, [&](const EpisodeResult& result) {

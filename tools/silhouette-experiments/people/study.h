@@ -26,7 +26,8 @@ struct Study {
 using StudyProgress = std::function<void(size_t done, size_t kept)>;
 
 // Sorted by episode, then in the order of the methods. FailedPrecondition: the file is of a study
-// with other settings. Cancelled: `stop` said so; what is done is kept.
+// with other settings, or another study writes to its folder. Cancelled: `stop` said so; what is
+// done is kept.
 absl::StatusOr<std::vector<EpisodeResult>> RunStudy(const Stage& stage, const Study& study,
                                                     const StudyProgress& progress,
                                                     const std::function<bool()>& stop);

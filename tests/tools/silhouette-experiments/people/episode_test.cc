@@ -223,6 +223,29 @@ TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
             absl::StatusCode::kFailedPrecondition);
 }
 
+// Each would replace the file that the other appends to.
+TEST_F(PeopleTest, NoTwoStudiesWriteToOneFolder) {
+  settings_.seconds = 2;
+  const Study study{.episode = settings_,
+                    .episodes = 1,
+                    .methods = {"light_curtain"},
+                    .file = files_ / "episodes.jsonl",
+                    .basis = ""};
+  const auto go_on = [] { return false; };
+  absl::Status second;
+  const auto first = RunStudy(
+      *stage_, study,
+      [&](size_t, size_t) {
+        second = RunStudy(
+                     *stage_, study, [](size_t, size_t) {}, go_on)
+                     .status();
+      },
+      go_on);
+  EXPECT_TRUE(first.ok()) << first.status();
+  EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition) << second;
+  EXPECT_EQ(RunAll(study).size(), 1u) << "free again";
+}
+
 TEST_F(PeopleTest, EpisodeStopsAtItsNextDecision) {
   int asked = 0;
   const auto counts =
