@@ -6,7 +6,7 @@ Needs a running silhouette-server with a grid of two joints and a scene, such as
 The planner is a breadth-first search over the configuration space. (Debian 12 has no Python
 bindings of OMPL; with your own, let LocalSpace.check answer its state validity checker.)
 
-    plan_and_explain.py --server 127.0.0.1:50051 --start -1.75,1.22 --goal 1.75,1.22 --out pictures
+    plan_and_explain.py --server 127.0.0.1:50051 --start=-1.75,1.22 --goal=1.75,1.22 --out pictures
 """
 
 # %% Arguments
