@@ -2,6 +2,7 @@
 #include "common/mcap/mcap_rotation.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
 #include <stdexcept>
 #include <system_error>
@@ -34,26 +35,9 @@ McapRotation::McapRotation(McapRotationSettings settings, std::vector<McapChanne
   }
 }
 
-absl::Status McapRotation::Begin(absl::Time time) {
-  path_.clear();
-  absl::StatusOr<std::unique_ptr<McapWriter>> writer = absl::AlreadyExistsError("");
-  for (absl::Time named = time; absl::IsAlreadyExists(writer.status());
-       named += absl::Milliseconds(1)) {
-    writer = McapWriter::Create(
-        absl::StrCat(settings_.folder, "/", settings_.prefix, "-",
-                     absl::FormatTime(kTimeInName, named, absl::UTCTimeZone()), ".mcap"),
-        channels_);
-  }
-  RETURN_IF_ERROR(writer.status());
-  writer_ = *std::move(writer);
-  path_ = writer_->path();
-  newest_ = time;
-  for (McapMessage& message : opening_()) {
-    message.logged = time;
-    writer_->Add(message);
-  }
-  MakeRoom();
-  return absl::OkStatus();
+std::string McapRotation::NameOf(absl::Time begin) const {
+  return absl::StrCat(settings_.folder, "/", settings_.prefix, "-",
+                      absl::FormatTime(kTimeInName, begin, absl::UTCTimeZone()), ".mcap");
 }
 
 void McapRotation::MakeRoom() {
@@ -78,28 +62,58 @@ void McapRotation::MakeRoom() {
 
 absl::Status McapRotation::Add(const McapMessage& message) {
   absl::Status status;
+  std::error_code error;
   if (writer_ != nullptr && !failed_ &&
-      (writer_->bytes() >= settings_.file_bytes || message.logged < newest_)) {
+      (writer_->bytes() + waiting_bytes_ >= settings_.file_bytes || message.logged < newest_ ||
+       (writer_->bytes() > 0 && !std::filesystem::exists(path_, error) && !error))) {
     status = Close();
   }
-  if (writer_ == nullptr) status = Begin(message.logged);
-  if (waiting_ > kMostWaiting && !failed_) status.Update(Flush());
-  if (writer_ == nullptr || waiting_ > kMostWaiting) {
-    ++lost_;
-    return status;
+  if (writer_ == nullptr) {
+    writer_ = std::make_unique<McapWriter>(NameOf(message.logged), channels_);
+    newest_ = message.logged;
+    for (McapMessage& opening : opening_()) {
+      opening.logged = message.logged;
+      waiting_.push_back(std::move(opening));
+    }
+    opening_size_ = waiting_.size();
   }
-  writer_->Add(message);
+  waiting_.push_back(message);
+  waiting_bytes_ += message.data.size();
   newest_ = std::max(newest_, message.logged);
-  waiting_ += message.data.size();
-  ++unwritten_;
+  if (waiting_bytes_ > kMostWaiting && !failed_) status.Update(Flush());
+  while (waiting_bytes_ > kMostWaiting) LoseOldest();
   return status;
 }
 
+void McapRotation::LoseOldest() {
+  const auto begin = waiting_.begin() + static_cast<std::ptrdiff_t>(opening_size_);
+  auto oldest = std::find_if(begin, waiting_.end(), [&](const McapMessage& message) {
+    return std::ranges::count(settings_.standing, message.channel) == 0;
+  });
+  if (oldest == waiting_.end()) oldest = begin;
+  waiting_bytes_ -= oldest->data.size();
+  waiting_.erase(oldest);
+  ++lost_;
+}
+
 absl::Status McapRotation::Flush() {
-  if (writer_ == nullptr) return absl::OkStatus();
-  const absl::Status status = writer_->Flush();
+  absl::Status status;
+  if (!waiting_.empty()) {
+    const bool is_new = writer_->bytes() == 0;
+    status = writer_->Write(waiting_);
+    for (absl::Time named = waiting_.front().logged; absl::IsAlreadyExists(status);) {
+      named += absl::Milliseconds(1);
+      writer_->Rename(NameOf(named));
+      status = writer_->Write(waiting_);
+    }
+    if (status.ok()) {
+      waiting_.clear();
+      opening_size_ = waiting_bytes_ = 0;
+      path_ = writer_->path();
+      if (is_new) MakeRoom();
+    }
+  }
   failed_ = !status.ok();
-  if (status.ok()) waiting_ = unwritten_ = 0;
   return status;
 }
 

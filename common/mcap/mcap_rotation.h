@@ -25,6 +25,9 @@ struct McapRotationSettings {
   uint64_t file_bytes = 0;
   // The number of files of such names that are kept, the one that is written included; above 0.
   int files = 0;
+  // Channels whose messages hold until the next one: of those that wait for a disk they are lost
+  // last.
+  std::vector<uint16_t> standing = {};
 };
 
 // Not thread-safe.
@@ -35,12 +38,14 @@ class McapRotation {
   McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
                std::function<std::vector<McapMessage>()> opening);
 
-  // Begins a file if there is none, and the next one if it is full or the wall clock was set back:
-  // the times of a file never step back. A message that cannot be written is kept (see Flush).
+  // Begins a file if there is none, and the next one if it is full, was removed, or the wall clock
+  // was set back: the times of a file never step back. A message that cannot be written is kept
+  // (see Flush).
   absl::Status Add(const McapMessage& message);
 
-  // Writes to the disk what was added. After an error (a full disk) it is kept and written later,
-  // up to kMostWaiting bytes; what is more is lost, and counted.
+  // Writes to the disk what was added; the oldest files make room to one that has its first bytes.
+  // After an error (a full disk) it is kept and written later, up to kMostWaiting bytes; of more,
+  // the oldest is lost, and counted.
   absl::Status Flush();
 
   // Ends the file; a later message begins another.
@@ -49,14 +54,15 @@ class McapRotation {
   // How many messages were lost to a disk that took nothing.
   uint64_t lost() const { return lost_; }
   // How many wait for a disk that takes nothing: after a last Close() that failed, they are lost.
-  uint64_t unwritten() const { return unwritten_; }
-  // The newest file; empty: none yet, or it cannot be created.
+  uint64_t unwritten() const { return waiting_.size() - opening_size_; }
+  // The newest file of which the disk has something; empty: none yet.
   const std::string& path() const { return path_; }
 
  private:
   static constexpr uint64_t kMostWaiting = uint64_t{64} << 20;
 
-  absl::Status Begin(absl::Time time);
+  std::string NameOf(absl::Time begin) const;
+  void LoseOldest();
   // Removes the oldest files: those of earlier runs by their names, then those begun here in the
   // order in which they were begun, whatever the wall clock said.
   void MakeRoom();
@@ -68,10 +74,12 @@ class McapRotation {
   std::string path_;
   std::vector<std::string> begun_;  // in this order; the last files that can still be there
   absl::Time newest_;               // of the messages of the file
-  uint64_t waiting_ = 0;            // bytes added since the last Flush that succeeded
+  // Added since the last Flush that succeeded; in a new file, after its opening.
+  std::deque<McapMessage> waiting_;
+  size_t opening_size_ = 0;
+  uint64_t waiting_bytes_ = 0;  // without the opening
   uint64_t lost_ = 0;
   bool failed_ = false;  // the last write; only the next Flush() tries again
-  uint64_t unwritten_ = 0;
 };
 
 // Keeps the messages around events: those of `before` in memory, and from an event on for `after`

@@ -65,37 +65,15 @@ absl::Status DiskError(const std::string& path, int error) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<McapWriter>> McapWriter::Create(const std::string& path,
-                                                               std::vector<McapChannel> channels) {
-  if (channels.size() >= std::numeric_limits<uint16_t>::max()) {
+McapWriter::McapWriter(std::string path, std::vector<McapChannel> channels)
+    : path_(std::move(path)), channels_(std::move(channels)) {
+  if (channels_.size() >= std::numeric_limits<uint16_t>::max()) {
     throw std::invalid_argument("an MCAP file has at most 65,534 channels");
   }
-  const int file = open(path.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
-  if (file < 0 && errno == EEXIST) {
-    return absl::AlreadyExistsError(absl::StrCat(path, " exists already"));
-  }
-  if (file < 0) return DiskError(path, errno);
-  std::unique_ptr<McapWriter> writer(new McapWriter(path, file, std::move(channels)));
-  std::string start(mcap::kMagic);
-  std::string header;
-  AppendText(header, "");
-  AppendText(header, "silhouette");
-  AppendRecord(start, Op::kHeader, header);
-  std::vector<std::pair<uint8_t, std::string>> groups;
-  start += writer->SchemasAndChannels(groups);
-  writer->start_ = std::move(start);
-  // If the disk is full, Flush() writes it before the first chunk.
-  writer->AppendStart().IgnoreError();
-  return writer;
 }
 
-McapWriter::McapWriter(std::string path, int file, std::vector<McapChannel> channels)
-    : path_(std::move(path)), file_(file), channels_(std::move(channels)) {}
-
 McapWriter::~McapWriter() {
-  if (file_ < 0) return;
-  close(file_);
-  if (written_ == 0) unlink(path_.c_str());
+  if (file_ >= 0) close(file_);
 }
 
 std::string McapWriter::SchemasAndChannels(
@@ -128,68 +106,76 @@ std::string McapWriter::SchemasAndChannels(
   return of_schemas + of_channels;
 }
 
-void McapWriter::Add(const McapMessage& message) {
-  if (message.channel >= channels_.size()) {
-    throw std::invalid_argument(absl::StrCat("there is no channel ", message.channel));
+absl::Status McapWriter::Write(const std::deque<McapMessage>& messages) {
+  std::string bytes;
+  std::string records;
+  if (written_ == 0) {
+    bytes = mcap::kMagic;
+    std::string header;
+    AppendText(header, "");
+    AppendText(header, "silhouette");
+    AppendRecord(bytes, Op::kHeader, header);
+    std::vector<std::pair<uint8_t, std::string>> groups;
+    // The first chunk has them, too: without them, no message can be read.
+    records = SchemasAndChannels(groups);
+    bytes += records;
   }
-  const uint64_t logged = NanosecondsOf(message.logged);
-  index_[message.channel].emplace_back(logged, chunk_.size());
-  std::string content;
-  content.reserve(22 + message.data.size());
-  mcap::Append(content, IdOf(message.channel));
-  mcap::Append(content, sequence_++);
-  mcap::Append(content, logged);
-  mcap::Append(content, NanosecondsOf(message.published));
-  content += message.data;
-  AppendRecord(chunk_, Op::kMessage, content);
-}
-
-absl::Status McapWriter::Flush() {
-  RETURN_IF_ERROR(AppendStart());
-  if (index_.empty()) return absl::OkStatus();
-  ChunkIndex chunk{.offset = written_, .size = chunk_.size(), .indexes = {}};
+  ChunkIndex chunk{.offset = written_ + bytes.size(), .indexes = {}};
   chunk.start = std::numeric_limits<uint64_t>::max();
-  for (const auto& [channel, messages] : index_) {
-    for (const auto& [time, place] : messages) {
-      chunk.start = std::min(chunk.start, time);
-      chunk.end = std::max(chunk.end, time);
+  // Times and places of messages, by channel.
+  std::map<uint16_t, std::vector<std::pair<uint64_t, uint64_t>>> index;
+  uint32_t sequence = sequence_;
+  for (const McapMessage& message : messages) {
+    if (message.channel >= channels_.size()) {
+      throw std::invalid_argument(absl::StrCat("there is no channel ", message.channel));
     }
+    const uint64_t logged = NanosecondsOf(message.logged);
+    chunk.start = std::min(chunk.start, logged);
+    chunk.end = std::max(chunk.end, logged);
+    index[IdOf(message.channel)].emplace_back(logged, records.size());
+    std::string content;
+    content.reserve(22 + message.data.size());
+    mcap::Append(content, IdOf(message.channel));
+    mcap::Append(content, sequence++);
+    mcap::Append(content, logged);
+    mcap::Append(content, NanosecondsOf(message.published));
+    content += message.data;
+    AppendRecord(records, Op::kMessage, content);
   }
-  const std::string records = Compressed(chunk_);
-  chunk.compressed = records.size();
+  const std::string compressed = Compressed(records);
+  chunk.size = records.size();
+  chunk.compressed = compressed.size();
   std::string content;
   mcap::Append(content, chunk.start);
   mcap::Append(content, chunk.end);
   mcap::Append(content, chunk.size);
-  mcap::Append(content, Crc(0, chunk_));
+  mcap::Append(content, Crc(0, records));
   AppendText(content, "lz4");
-  mcap::Append(content, static_cast<uint64_t>(records.size()));
-  content += records;
-  std::string bytes;
+  mcap::Append(content, static_cast<uint64_t>(compressed.size()));
+  content += compressed;
   AppendRecord(bytes, Op::kChunk, content);
-  chunk.length = bytes.size();
-  for (const auto& [channel, messages] : index_) {
-    chunk.indexes[IdOf(channel)] = written_ + bytes.size();
-    std::string index;
-    mcap::Append(index, IdOf(channel));
-    mcap::Append(index, static_cast<uint32_t>(messages.size() * 2 * sizeof(uint64_t)));
-    for (const auto& [time, place] : messages) {
-      mcap::Append(index, time);
-      mcap::Append(index, place);
+  const uint64_t indexes = written_ + bytes.size();
+  chunk.length = indexes - chunk.offset;
+  for (const auto& [channel, places] : index) {
+    chunk.indexes[channel] = written_ + bytes.size();
+    std::string of_channel;
+    mcap::Append(of_channel, channel);
+    mcap::Append(of_channel, static_cast<uint32_t>(places.size() * 2 * sizeof(uint64_t)));
+    for (const auto& [time, place] : places) {
+      mcap::Append(of_channel, time);
+      mcap::Append(of_channel, place);
     }
-    AppendRecord(bytes, Op::kMessageIndex, index);
+    AppendRecord(bytes, Op::kMessageIndex, of_channel);
   }
-  chunk.index_length = bytes.size() - chunk.length;
+  chunk.index_length = written_ + bytes.size() - indexes;
   RETURN_IF_ERROR(Append(bytes));
-  for (const auto& [channel, messages] : index_) counts_[IdOf(channel)] += messages.size();
+  for (const auto& [channel, places] : index) counts_[channel] += places.size();
   chunks_.push_back(std::move(chunk));
-  chunk_.clear();
-  index_.clear();
+  sequence_ = sequence;
   return absl::OkStatus();
 }
 
 absl::Status McapWriter::Close() {
-  RETURN_IF_ERROR(Flush());
   std::string bytes;
   std::string data_end;
   mcap::Append(data_end, crc_);
@@ -261,34 +247,38 @@ absl::Status McapWriter::Close() {
   return absl::OkStatus();
 }
 
-absl::Status McapWriter::AppendStart() {
-  if (start_.empty()) return absl::OkStatus();
-  RETURN_IF_ERROR(Append(start_));
-  start_.clear();
-  return absl::OkStatus();
-}
-
 absl::Status McapWriter::Append(const std::string& bytes) {
+  if (file_ < 0) {
+    file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644);
+    if (file_ < 0 && errno == EEXIST) {
+      return absl::AlreadyExistsError(absl::StrCat(path_, " exists already"));
+    }
+    if (file_ < 0) return DiskError(path_, errno);
+  }
   size_t done = 0;
   bool failed = false;
   while (done < bytes.size() && !failed) {
-    const ssize_t count = write(file_, bytes.data() + done, bytes.size() - done);
+    const ssize_t count = pwrite(file_, bytes.data() + done, bytes.size() - done,
+                                 static_cast<off_t>(written_ + done));
     failed = count == 0 || (count < 0 && errno != EINTR);
     if (count > 0) done += static_cast<size_t>(count);
   }
   // Some file systems cannot.
   failed = failed || (fdatasync(file_) != 0 && errno != EINVAL && errno != EROFS);
-  if (failed) {
-    const int error = errno;
-    // Back to the last whole record.
-    if (ftruncate(file_, static_cast<off_t>(written_)) == 0) {
-      lseek(file_, static_cast<off_t>(written_), SEEK_SET);
-    }
-    return DiskError(path_, error);
+  if (!failed) {
+    written_ += bytes.size();
+    crc_ = Crc(crc_, bytes);
+    return absl::OkStatus();
   }
-  written_ += bytes.size();
-  crc_ = Crc(crc_, bytes);
-  return absl::OkStatus();
+  const absl::Status error = DiskError(path_, errno);
+  if (written_ > 0) {
+    // Back to the last whole record; if that fails, too, the next call overwrites the rest.
+    [[maybe_unused]] const int cut = ftruncate(file_, static_cast<off_t>(written_));
+  } else {
+    close(std::exchange(file_, -1));
+    unlink(path_.c_str());
+  }
+  return error;
 }
 
 }  // namespace silhouette

@@ -4,14 +4,13 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
-#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
-#include "absl/status/statusor.h"
 #include "common/mcap/mcap.h"
 
 namespace silhouette {
@@ -19,29 +18,26 @@ namespace silhouette {
 // Not thread-safe.
 class McapWriter {
  public:
-  // Creates the file; a full disk is an error of Flush(). AlreadyExists: there is one. Throws
-  // std::invalid_argument if there are more than 65,534 channels.
-  static absl::StatusOr<std::unique_ptr<McapWriter>> Create(const std::string& path,
-                                                            std::vector<McapChannel> channels);
+  // Throws std::invalid_argument if there are more than 65,534 channels. The first Write() creates
+  // the file.
+  McapWriter(std::string path, std::vector<McapChannel> channels);
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
-  // Closes the file as it is, and removes it if the disk took nothing; Close() makes it whole.
+  // Closes the file as it is; Close() makes it whole.
   ~McapWriter();
 
   const std::string& path() const { return path_; }
-  // What the file has by now, and what waits for Flush(), before compression.
-  uint64_t bytes() const { return written_ + chunk_.size(); }
-  bool empty() const { return sequence_ == 0; }
+  // Of the file; 0: it is not there yet.
+  uint64_t bytes() const { return written_; }
 
-  // Adds a message to the chunk in memory. Throws std::invalid_argument if there is no such
-  // channel.
-  void Add(const McapMessage& message);
+  // Appends the messages as a chunk, and waits until the disk has it. After an error (a full disk)
+  // the file is as before, and a new one is not there. AlreadyExists: a new file, and there is one
+  // of this name. Throws std::invalid_argument if there is no such channel.
+  absl::Status Write(const std::deque<McapMessage>& messages);
+  // For a file that is not there yet.
+  void Rename(std::string path) { path_ = std::move(path); }
 
-  // Writes the chunk, and waits until the disk has it. After an error (a full disk) the file is as
-  // before, and the chunk is kept for the next call.
-  absl::Status Flush();
-
-  // Writes what is left, the index and the file's end. Nothing may follow.
+  // Writes the index and the file's end, after a Write(). Nothing may follow.
   absl::Status Close();
 
  private:
@@ -56,23 +52,16 @@ class McapWriter {
     std::map<uint16_t, uint64_t> indexes;  // offsets of the message indexes, by channel
   };
 
-  McapWriter(std::string path, int file, std::vector<McapChannel> channels);
-  // What the file begins with, if it is not there yet.
-  absl::Status AppendStart();
-  // All of the bytes, or none of them.
+  // All of the bytes, or none of them. The first create the file.
   absl::Status Append(const std::string& bytes);
   std::string SchemasAndChannels(std::vector<std::pair<uint8_t, std::string>>& groups) const;
 
   std::string path_;
   int file_ = -1;
   std::vector<McapChannel> channels_;
-  std::string start_;  // until the disk has it
   uint64_t written_ = 0;
-  uint32_t crc_ = 0;  // of what is written
-  uint32_t sequence_ = 0;
-  std::string chunk_;  // records of messages
-  // Of the chunk: times and places of messages, by channel.
-  std::map<uint16_t, std::vector<std::pair<uint64_t, uint64_t>>> index_;
+  uint32_t crc_ = 0;       // of what is written
+  uint32_t sequence_ = 0;  // of the next message
   std::vector<ChunkIndex> chunks_;
   std::map<uint16_t, uint64_t> counts_;  // messages in chunks_, by channel
 };

@@ -17,7 +17,8 @@ McapRotationSettings RotationOf(const RecorderSettings& settings, const std::str
   return {.folder = settings.folder,
           .prefix = prefix,
           .file_bytes = settings.file_bytes,
-          .files = settings.files};
+          .files = settings.files,
+          .standing = {kDatabaseChannel, kStateChannel, kPathChannel}};
 }
 
 }  // namespace

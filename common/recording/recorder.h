@@ -73,9 +73,11 @@ class Recorder {
   uint64_t lost() const { return all_.lost() + stops_.files().lost(); }
   // Messages that the disk has not taken yet: after a last Close() that failed, they are lost.
   uint64_t unwritten() const { return all_.unwritten() + stops_.files().unwritten(); }
-  // The newest files; empty: none yet, or it cannot be created.
+  // The newest files of which the disk has something; empty: none yet.
   const std::string& path() const { return all_.path(); }
   const std::string& stop_path() const { return stops_.files().path(); }
+  // Whether stop_path() has all that is to be kept of stops by now.
+  bool stops_are_written() const { return stops_.files().unwritten() == 0; }
 
  private:
   // Sets now_.

@@ -13,6 +13,7 @@
 #include <system_error>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -120,7 +121,9 @@ class Program {
         recorder_.emplace(arguments_.recorder, std::move(database));
       }
     }
-    for (const RecordedStop& stop : recorder_->Take(news, now)) NoteStop(stop);
+    const std::vector<RecordedStop> stops = recorder_->Take(news, now);
+    if (!stops.empty()) FlushNow();
+    for (const RecordedStop& stop : stops) NoteStop(stop);
     return absl::OkStatus();
   }
 
@@ -131,21 +134,21 @@ class Program {
         check.verdict().state() == v1::Verdict::STATE_OCCUPIED
             ? "occupied"
             : "unknown: " + NameOf(client::FromMessage(check.verdict().reason()));
+    const std::string file = recorder_->stops_are_written() ? recorder_->stop_path() : "";
     if (arguments_.format == "json") {
       std::cout << Json({{"event", "stop"},
                          {"time", TimeText(stop.time)},
                          {"client", stop.path.client()},
                          {"path", stop.path.id()},
                          {"reason", reason},
-                         {"file", recorder_->stop_path()}})
+                         {"file", file}})
                        .dump()
                 << std::endl;
       return;
     }
     std::cout << TimeText(stop.time) << ": a path of " << stop.path.client()
               << " is not free any more (" << reason << "); "
-              << (recorder_->stop_path().empty() ? "not kept" : "kept in " + recorder_->stop_path())
-              << std::endl;
+              << (file.empty() ? "waits in memory for the disk" : "kept in " + file) << std::endl;
   }
 
   // News of connection and disk.
@@ -159,14 +162,16 @@ class Program {
   }
 
   void Flush() {
-    const absl::Duration now = Now().running;
-    if (!recorder_ || now - flushed_ < kBetweenFlushes) return;
-    flushed_ = now;
+    if (recorder_ && Now().running - flushed_ >= kBetweenFlushes) FlushNow();
+  }
+
+  void FlushNow() {
+    flushed_ = Now().running;
     const absl::Status status = recorder_->Flush();
     if (status.ok() && disk_failed_) Note("disk", "the disk takes the recording again");
     if (!status.ok() && !disk_failed_) {
       Note("disk", absl::StrCat(status.message(),
-                                "; what comes now is kept in memory, up to 64 MB: make room"));
+                                "; until the disk takes it, the newest 64 MB wait in memory"));
     }
     disk_failed_ = !status.ok();
   }

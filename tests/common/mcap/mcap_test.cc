@@ -4,18 +4,33 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <csignal>
+#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/mcap/mcap_reader.h"
 #include "common/mcap/mcap_rotation.h"
 #include "common/mcap/mcap_writer.h"
 #include "tests/test_folder.h"
+
+namespace {
+bool no_file_shrinks = false;
+}  // namespace
+
+// In place of that of the C library: as of a disk that fails.
+extern "C" int ftruncate(int file, off_t size) noexcept {
+  if (no_file_shrinks) errno = EIO;
+  return no_file_shrinks ? -1 : static_cast<int>(syscall(SYS_ftruncate, file, size));
+}
 
 namespace silhouette {
 namespace {
@@ -80,14 +95,11 @@ class McapTest : public ::testing::Test {
   // Three chunks: 1 and 2, 3, 4.
   std::string NewFile(bool whole = true) {
     const std::string path = folder_ / "file.mcap";
-    auto writer = *McapWriter::Create(path, kChannels);
-    writer->Add(At(0, "1"));
-    writer->Add(At(1, "2", 1));
-    EXPECT_TRUE(writer->Flush().ok());
-    writer->Add(At(2, "3"));
-    EXPECT_TRUE(writer->Flush().ok());
-    writer->Add(At(3, "4"));
-    EXPECT_TRUE((whole ? writer->Close() : writer->Flush()).ok());
+    McapWriter writer(path, kChannels);
+    EXPECT_TRUE(writer.Write({At(0, "1"), At(1, "2", 1)}).ok());
+    EXPECT_TRUE(writer.Write({At(2, "3")}).ok());
+    EXPECT_TRUE(writer.Write({At(3, "4")}).ok());
+    EXPECT_TRUE(!whole || writer.Close().ok());
     return path;
   }
   std::vector<std::string> Files() {
@@ -120,11 +132,10 @@ TEST_F(McapTest, WhatWasWrittenIsRead) {
 
 TEST_F(McapTest, LargeMessagesAreRead) {
   const std::string path = folder_ / "large.mcap";
-  auto writer = *McapWriter::Create(path, kChannels);
+  McapWriter writer(path, kChannels);
   const std::string noise = Noise(3 << 20);
-  writer->Add(At(0, noise));
-  writer->Add(At(0, std::string(9 << 20, 'x')));
-  ASSERT_TRUE(writer->Close().ok());
+  ASSERT_TRUE(writer.Write({At(0, noise), At(0, std::string(9 << 20, 'x'))}).ok());
+  ASSERT_TRUE(writer.Close().ok());
   EXPECT_LT(std::filesystem::file_size(path), size_t{4} << 20);
   EXPECT_THAT(ReadFile(path).data, ElementsAre(noise, std::string(9 << 20, 'x')));
 }
@@ -206,9 +217,24 @@ TEST_F(McapTest, DamageInAFileWithoutEndIsReadBeforeAndAfter) {
             absl::StrCat("is damaged at byte ", second - 41, " (a record is of no known kind)"));
 }
 
+TEST_F(McapTest, BytesThatAreMissingBeforeTheFirstChunkCostNoMessage) {
+  for (const bool closed : {true, false}) {
+    const std::string whole = BytesOf(NewFile(closed));
+    std::filesystem::remove(folder_ / "file.mcap");
+    const size_t chunk = whole.find("lz4") - 41;
+    for (size_t i = mcap::kMagic.size(); i < chunk; ++i) {
+      std::string other = whole;
+      other.erase(i, std::min<size_t>(chunk - i, 5));
+      const Read read = ReadFile(Write(other));
+      ASSERT_THAT(read.data, ElementsAre("1", "2", "3", "4")) << i << ": " << read.damage;
+      ASSERT_EQ(read.messages[1].channel->topic, "/b") << i;
+    }
+  }
+}
+
 TEST_F(McapTest, ExistingFileIsKept) {
   const std::string path = NewFile();
-  EXPECT_TRUE(absl::IsAlreadyExists(McapWriter::Create(path, kChannels).status()));
+  EXPECT_TRUE(absl::IsAlreadyExists(McapWriter(path, kChannels).Write({At(0, "5")})));
   EXPECT_THAT(ReadFile(path).data, SizeIs(4));
 }
 
@@ -230,26 +256,25 @@ class FilesEndAt {
   rlimit old_{};
 };
 
-TEST_F(McapTest, FullDiskLosesNothingThatComesBeforeItOrAfterIt) {
-  const std::string path = folder_ / "full.mcap";
-  auto writer = *McapWriter::Create(path, kChannels);
-  writer->Add(At(0, "before"));
-  ASSERT_TRUE(writer->Flush().ok());
-  const uint64_t size = std::filesystem::file_size(path);
-  writer->Add(At(1, "meanwhile"));
-  absl::Status status;
-  {
-    const FilesEndAt full(size + 20);
-    status = writer->Flush();
-  }
-  EXPECT_FALSE(status.ok());
-  EXPECT_THAT(std::string(status.message()), HasSubstr(path));
-  EXPECT_EQ(std::filesystem::file_size(path), size);
-  writer->Add(At(2, "after"));
-  ASSERT_TRUE(writer->Close().ok());
-  const Read read = ReadFile(path);
-  EXPECT_TRUE(read.status.ok() && !read.cut);
-  EXPECT_THAT(read.data, ElementsAre("before", "meanwhile", "after"));
+TEST_F(McapTest, FileThatMetAFullDiskIsByteForByteTheOneThatDidNot) {
+  const auto write = [&](const std::string& path, bool full) {
+    McapWriter writer(path, kChannels);
+    for (const char* data : {"before", "meanwhile", "after"}) {
+      for (const uint64_t room : {0, 20}) {
+        if (!full) continue;
+        const FilesEndAt end(writer.bytes() + room);
+        const absl::Status status = writer.Write({At(0, data)});
+        EXPECT_THAT(std::string(status.message()), HasSubstr(path));
+        EXPECT_EQ(std::filesystem::exists(path), writer.bytes() > 0);
+      }
+      EXPECT_TRUE(writer.Write({At(0, data)}).ok());
+    }
+    EXPECT_TRUE(writer.Close().ok());
+    return BytesOf(path);
+  };
+  const std::string whole = write(folder_ / "whole.mcap", false);
+  EXPECT_TRUE(write(folder_ / "full.mcap", true) == whole);
+  EXPECT_THAT(ReadFile(folder_ / "full.mcap").data, ElementsAre("before", "meanwhile", "after"));
 }
 
 TEST_F(McapTest, FileThatBeginsOnAFullDiskKeepsItsMessagesUntilThereIsRoom) {
@@ -259,21 +284,80 @@ TEST_F(McapTest, FileThatBeginsOnAFullDiskKeepsItsMessagesUntilThereIsRoom) {
     const FilesEndAt full(20);
     ASSERT_TRUE(files.Add(At(0, "meanwhile")).ok());
     EXPECT_FALSE(files.Flush().ok());
+    EXPECT_THAT(Files(), IsEmpty());
+    EXPECT_EQ(files.path(), "");
   }
   ASSERT_TRUE(files.Close().ok());
   EXPECT_EQ(files.lost(), 0u);
   EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("meanwhile"));
 }
 
-TEST_F(McapTest, FileOfWhichAFullDiskTookNothingIsNotLeftThere) {
-  const std::string path = folder_ / "empty.mcap";
+TEST_F(McapTest, DiskThatCreatesNoFileLosesNothing) {
+  const std::string missing = folder_ / "missing";
+  EventExcerpts excerpts(McapRotation({missing, "stop", 100'000, 3}, kChannels,
+                                      [] { return std::vector{At(0, "opening", 1)}; }),
+                         absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
+  ASSERT_TRUE(excerpts.Add(At(0, "before"), absl::Seconds(0)).ok());
+  ASSERT_TRUE(excerpts.Add(At(1, "the stop"), absl::Seconds(1)).ok());
+  excerpts.Keep(absl::Seconds(1)).IgnoreError();
+  const absl::Status status = excerpts.Flush();
+  EXPECT_THAT(std::string(status.message()), HasSubstr("No such file"));
+  EXPECT_EQ(excerpts.files().unwritten(), 2u);
+  std::filesystem::create_directory(missing);
+  ASSERT_TRUE(excerpts.Add(At(2, "after"), absl::Seconds(2)).ok());
+  ASSERT_TRUE(excerpts.Close().ok());
+  EXPECT_EQ(excerpts.files().lost(), 0u);
+  EXPECT_THAT(ReadFile(excerpts.files().path()).data,
+              ElementsAre("opening", "before", "the stop", "after"));
+}
+
+TEST_F(McapTest, FileOfWhichTheDiskTakesNothingRemovesNoOther) {
+  const std::filesystem::path oldest = folder_ / "r-20200101T000000.000Z.mcap";
+  std::ofstream(oldest) << "of an earlier run";
+  McapRotation files({folder_, "r", 100'000, 1}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  ASSERT_TRUE(files.Add(At(0, "meanwhile")).ok());
   {
     const FilesEndAt full(20);
-    auto writer = *McapWriter::Create(path, kChannels);
-    writer->Add(At(0, "lost"));
-    EXPECT_FALSE(writer->Close().ok());
+    EXPECT_FALSE(files.Flush().ok());
   }
-  EXPECT_FALSE(std::filesystem::exists(path));
+  EXPECT_THAT(Files(), ElementsAre(oldest.filename()));
+  ASSERT_TRUE(files.Flush().ok());
+  EXPECT_THAT(Files(), ElementsAre(std::filesystem::path(files.path()).filename()));
+}
+
+TEST_F(McapTest, FolderThatIsRemovedAndMadeAgainGetsANewFile) {
+  const std::string folder = folder_ / "removed";
+  std::filesystem::create_directory(folder);
+  McapRotation files({folder, "r", 100'000, 3}, kChannels,
+                     [] { return std::vector{At(0, "opening", 1)}; });
+  ASSERT_TRUE(files.Add(At(0, "removed")).ok());
+  ASSERT_TRUE(files.Flush().ok());
+  std::filesystem::remove_all(folder);
+  ASSERT_TRUE(files.Add(At(1, "meanwhile")).ok());
+  EXPECT_FALSE(files.Flush().ok());
+  std::filesystem::create_directory(folder);
+  ASSERT_TRUE(files.Add(At(2, "after")).ok());
+  ASSERT_TRUE(files.Close().ok());
+  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("opening", "meanwhile", "after"));
+}
+
+TEST_F(McapTest, FileThatADiskDoesNotCutBackIsWholeOnceItIsWritten) {
+  McapRotation files({folder_, "r", 100'000, 3}, kChannels,
+                     [] { return std::vector<McapMessage>(); });
+  ASSERT_TRUE(files.Add(At(0, "before")).ok());
+  ASSERT_TRUE(files.Flush().ok());
+  ASSERT_TRUE(files.Add(At(1, "meanwhile")).ok());
+  {
+    const FilesEndAt full(std::filesystem::file_size(files.path()) + 20);
+    no_file_shrinks = true;
+    EXPECT_FALSE(files.Flush().ok());
+    no_file_shrinks = false;
+  }
+  ASSERT_TRUE(files.Close().ok());
+  const Read read = ReadFile(files.path());
+  EXPECT_THAT(read.data, ElementsAre("before", "meanwhile"));
+  EXPECT_TRUE(!read.cut && read.damage.empty()) << read.damage;
 }
 
 TEST_F(McapTest, WhatWaitsForAFullDiskAtTheEndIsCounted) {
@@ -341,14 +425,37 @@ TEST_F(McapTest, EventAfterMuchThatWaitedIsKept) {
   EXPECT_EQ(kept.back(), "the stop");
 }
 
+TEST_F(McapTest, OldestOfWhatWaitsIsLostNeverTheStop) {
+  const std::string missing = folder_ / "missing";
+  EventExcerpts excerpts(McapRotation({missing, "stop", uint64_t{1} << 30, 10, {1}}, kChannels,
+                                      [] { return std::vector{At(0, "opening", 1)}; }),
+                         absl::Seconds(30), absl::Seconds(30), /*standing=*/1);
+  const std::string large(1 << 20, 'x');
+  ASSERT_TRUE(excerpts.Add(At(0, "standing", 1), absl::Seconds(0)).ok());
+  for (int i = 0; i < 80; ++i)
+    ASSERT_TRUE(excerpts.Add(At(0.1 * i, large), absl::Seconds(0.1 * i)).ok());
+  ASSERT_TRUE(excerpts.Add(At(8, "the stop"), absl::Seconds(8)).ok());
+  excerpts.Keep(absl::Seconds(8)).IgnoreError();
+  ASSERT_TRUE(excerpts.Add(At(9, large), absl::Seconds(9)).ok());
+  std::filesystem::create_directory(missing);
+  ASSERT_TRUE(excerpts.Close().ok());
+  EXPECT_EQ(excerpts.files().lost(), 18u);
+  const std::vector<std::string> kept = ReadFile(excerpts.files().path()).data;
+  ASSERT_THAT(kept, SizeIs(66));
+  EXPECT_EQ(kept[0], "opening");
+  EXPECT_EQ(kept[1], "standing") << "of a channel whose messages hold until the next";
+  EXPECT_EQ(kept[64], "the stop");
+}
+
 TEST_F(McapTest, MessagesAreReadAgainInAnyOrder) {
-  auto writer = *McapWriter::Create(folder_ / "f.mcap", kChannels);
+  McapWriter writer(folder_ / "f.mcap", kChannels);
+  std::deque<McapMessage> chunk;
   for (int i = 0; i < 20; ++i) {
-    writer->Add(At(i, absl::StrCat("message ", i)));
-    if (i % 3 != 2) continue;
-    ASSERT_TRUE(writer->Flush().ok());
+    chunk.push_back(At(i, absl::StrCat("message ", i)));
+    if (i % 3 != 2 && i != 19) continue;
+    ASSERT_TRUE(writer.Write(std::exchange(chunk, {})).ok());
   }
-  ASSERT_TRUE(writer->Close().ok());
+  ASSERT_TRUE(writer.Close().ok());
   auto reader = *McapReader::Open(folder_ / "f.mcap");
   std::vector<McapReader::Place> places;
   while (true) {

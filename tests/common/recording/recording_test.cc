@@ -376,9 +376,10 @@ TEST_F(RecordingTest, WhatIsNoRecordingOrAllLostIsNeverEmpty) {
   EXPECT_EQ(Recording::Open(other).status(),
             absl::DataLossError(other + " is cut: it has no message and no end"));
   fs::remove(other);
-  auto writer = *McapWriter::Create(other, {{"/a", "json", "", "", ""}});
-  writer->Add({.channel = 0, .logged = kStart, .published = kStart, .data = "{}"});
-  ASSERT_TRUE(writer->Close().ok());
+  McapWriter writer(other, {{"/a", "json", "", "", ""}});
+  ASSERT_TRUE(
+      writer.Write({{.channel = 0, .logged = kStart, .published = kStart, .data = "{}"}}).ok());
+  ASSERT_TRUE(writer.Close().ok());
   EXPECT_TRUE(absl::IsInvalidArgument(Recording::Open(other).status()));
 }
 

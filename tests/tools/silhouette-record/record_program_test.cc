@@ -119,6 +119,24 @@ TEST_F(RecordProgram, OnlyStopsLeavesOutTheRest) {
   EXPECT_THAT(Files("stop-"), SizeIs(1));
 }
 
+TEST_F(RecordProgram, StopThatTheDiskDoesNotTakeIsSaidToWaitAndIsWrittenLater) {
+  Publish(kNothing);
+  const auto record = Start("silhouette-record --folder r --only-stops", "record");
+  const auto watch = Start("silhouette watch " + std::string(kPath) + " --format json", "watch");
+  ASSERT_TRUE(Has("watch", "\"state\":\"free\""));
+  std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  const fs::path folder = cell_.shell().folder() / "r";
+  ASSERT_TRUE(fs::remove(folder));
+  Publish(kWall);
+  ASSERT_TRUE(Has("record", "(occupied); waits in memory for the disk"));
+  fs::create_directory(folder);
+  ASSERT_TRUE(Has("record", "the disk takes the recording again"));
+  ASSERT_EQ(record->End(SIGINT), 0);
+  const auto recording = Recording::Open(Files("stop-").at(0));
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  EXPECT_THAT((*recording)->summary().stops, SizeIs(1));
+}
+
 TEST_F(RecordProgram, ReplayAnswersAsTheServerDidAndWhatAnotherPolicyWouldHaveSaid) {
   RecordAStop("");
   const std::string file = Files("recording-").at(0);
