@@ -2,7 +2,8 @@
 // What a recording has: messages of the API under these topics, and camera images as
 // foxglove.CompressedImage, which Foxglove shows.
 //
-// * /database: silhouette.v1.GetDatabaseResponse, at the beginning of each file
+// * /database: silhouette.v1.GetDatabaseResponse, at the beginning of each file, before each state,
+//   and when it changes
 // * /state: silhouette.v1.ServedState, there, every few seconds, and when it changes
 // * /scene: silhouette.v1.Scene, with its planes
 // * /path: silhouette.v1.WatchedPath, each answer to a client that watches a path

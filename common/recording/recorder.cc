@@ -72,6 +72,7 @@ void Recorder::Add(uint16_t channel, absl::Time published, std::string data) {
 void Recorder::AddState() {
   if (!state_) return;
   state_added_ = now_.running;
+  Add(kDatabaseChannel, now_.wall, database_.SerializeAsString());
   Add(kStateChannel, now_.wall, state_->SerializeAsString());
 }
 

@@ -88,8 +88,11 @@ absl::Status Recording::Take(const McapReader::Message& message) {
   if (message.after_damage) gaps_.emplace_back(summary_.end, time);
   const Entry entry{.time = time, .place = message.place, .gaps = gaps_.size()};
   if (type == "silhouette.v1.GetDatabaseResponse") {
-    databases_.emplace_back(entry.time, v1::GetDatabaseResponse());
-    RETURN_IF_ERROR(Parse(message, databases_.back().second));
+    if (message.data != database_) {
+      databases_.emplace_back(entry.time, v1::GetDatabaseResponse());
+      RETURN_IF_ERROR(Parse(message, databases_.back().second));
+      database_ = message.data;
+    }
   } else if (type == "silhouette.v1.ServedState") {
     states_.push_back(entry);
   } else if (type == "silhouette.v1.Scene") {

@@ -97,7 +97,8 @@ class Recording {
   // Damaged places: the times of the messages before and after them, or infinite.
   std::vector<Gap> gaps_;
   bool others_ = false;  // there are messages that are not of a Recorder
-  std::vector<std::pair<absl::Time, v1::GetDatabaseResponse>> databases_;
+  std::vector<std::pair<absl::Time, v1::GetDatabaseResponse>> databases_;  // each another
+  std::string database_;  // the last of them, serialized
   std::vector<Entry> scenes_;
   std::vector<Entry> states_;
   // A client that watches again has a new entry: ids are unique only in the life of a server.

@@ -336,9 +336,11 @@ absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments
                {"stops", Json::array()}};
   std::string text =
       empty ? "empty\n"
-            : absl::StrCat("cell '", summary.cell, "', ", Exact(summary.start), " to ",
-                           Exact(summary.end), ": ", summary.scenes.size(), " scenes, ",
-                           summary.stops.size(), summary.stops.size() == 1 ? " stop" : " stops",
+            : absl::StrCat(summary.cell.empty() ? "which cell it is of, is lost"
+                                                : absl::StrCat("cell '", summary.cell, "'"),
+                           ", ", Exact(summary.start), " to ", Exact(summary.end), ": ",
+                           summary.scenes.size(), " scenes, ", summary.stops.size(),
+                           summary.stops.size() == 1 ? " stop" : " stops",
                            summary.cut ? "; cut at its end" : "", "\n");
   for (const RecordedStop& stop : summary.stops) {
     json["stops"].push_back({{"time", Exact(stop.time)},

@@ -357,6 +357,64 @@ TEST_F(RecordingTest, NothingFromBeforeDamageHoldsAfterIt) {
   EXPECT_TRUE(at(1.2).scene && at(1.2).state);
 }
 
+TEST_F(RecordingTest, DamagedFirstChunkCostsNoMoreThanTheNextState) {
+  recorder.Take(State(), Now(0));
+  for (int i = 0; i <= 20; ++i) {
+    recorder.Take(Scene(static_cast<uint64_t>(i + 1)), Now(0.5 * i));
+    ASSERT_TRUE(recorder.Flush().ok());
+  }
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::string file = Files("recording-").at(0);
+  {
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(bytes), {}};
+    bytes.seekp(static_cast<std::streamoff>(text.find("lz4") + 100));
+    bytes << std::string(20, '\0');
+  }
+  const auto recording = Recording::Open(file);
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  EXPECT_THAT((*recording)->summary().scenes, SizeIs(20));
+  EXPECT_EQ((*recording)->summary().cell, "cell");
+  EXPECT_FALSE((*recording)->At(After(4.5), absl::Seconds(1))->state);
+  const auto moment = (*recording)->At(After(5), absl::Seconds(1));
+  EXPECT_TRUE(moment->state);
+  EXPECT_EQ(moment->database.cell_name(), "cell");
+}
+
+// What is lost may have been that the calibration does not hold any more.
+TEST_F(RecordingTest, StateIsNeverKnownAfterDamageWithoutTheCheckOfTheCalibration) {
+  const auto take = [&](const v1::WatchScenesResponse& news, double seconds) {
+    recorder.Take(news, Now(seconds));
+    ASSERT_TRUE(recorder.Flush().ok());
+  };
+  take(State(), 0);
+  v1::GetDatabaseResponse doubtful = Database();
+  doubtful.mutable_calibration_check()->set_message("camera 'left' has moved");
+  recorder.Update(doubtful, Now(1));
+  take(State(), 1);
+  for (int i = 0; i <= 12; ++i) take(Scene(static_cast<uint64_t>(i + 1)), 1.5 + 0.5 * i);
+  ASSERT_TRUE(recorder.Close().ok());
+  const std::string file = Files("recording-").at(0);
+  {
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    const std::string text{std::istreambuf_iterator<char>(bytes), {}};
+    const size_t second = text.find("lz4", text.find("lz4") + 1);
+    bytes.seekp(static_cast<std::streamoff>(second + 30));
+    bytes << std::string(10, '\0');
+  }
+  const auto recording = Recording::Open(file);
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  ASSERT_FALSE((*recording)->summary().damage.empty());
+  bool known = false;
+  for (double seconds = 1.1; seconds < 7.4; seconds += 0.1) {
+    const auto moment = (*recording)->At(After(seconds), absl::Seconds(1));
+    ASSERT_TRUE(moment.ok());
+    known = known || moment->state;
+    EXPECT_TRUE(!moment->state || moment->database.has_calibration_check()) << seconds;
+  }
+  EXPECT_TRUE(known);
+}
+
 TEST_F(RecordingTest, WhatIsNoRecordingOrAllLostIsNeverEmpty) {
   recorder.Take(Scene(1), Now(0));
   ASSERT_TRUE(recorder.Close().ok());
