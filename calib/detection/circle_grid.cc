@@ -273,6 +273,7 @@ std::optional<Look> LookAt(const cv::Mat& image, const CirclesSeen& circles, siz
   if (!nearby) return std::nullopt;
   const Vector2d at = circles.counts[i] ? circles.seen[i] : nearby->at;
   const double scale = std::sqrt(std::abs(nearby->slopes.determinant()));
+  if (!(circles.apart * scale >= 1)) return std::nullopt;  // the ones that count are in a line
   return Look{.nearby = *nearby,
               .scale = scale,
               .apart = circles.apart * scale,
