@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
+#include <iterator>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -17,7 +18,7 @@ namespace {
 
 constexpr char kTimeInName[] = "%E4Y%m%dT%H%M%E3SZ";
 
-// Whether a file has the name that Begin() gives.
+// Whether a file has the name that NameOf() gives.
 bool IsNamedAfterTime(absl::string_view name, const std::string& prefix) {
   absl::Time time;
   std::string error;
@@ -62,20 +63,13 @@ void McapRotation::MakeRoom() {
 
 absl::Status McapRotation::Add(const McapMessage& message) {
   absl::Status status;
-  std::error_code error;
   if (writer_ != nullptr && !failed_ &&
-      (writer_->bytes() + waiting_bytes_ >= settings_.file_bytes || message.logged < newest_ ||
-       (writer_->bytes() > 0 && !std::filesystem::exists(path_, error) && !error))) {
+      (writer_->bytes() + waiting_bytes_ >= settings_.file_bytes || message.logged < newest_)) {
     status = Close();
   }
   if (writer_ == nullptr) {
-    writer_ = std::make_unique<McapWriter>(NameOf(message.logged), channels_);
     newest_ = message.logged;
-    for (McapMessage& opening : opening_()) {
-      opening.logged = message.logged;
-      waiting_.push_back(std::move(opening));
-    }
-    opening_size_ = waiting_.size();
+    Begin(message.logged);
   }
   waiting_.push_back(message);
   waiting_bytes_ += message.data.size();
@@ -83,6 +77,15 @@ absl::Status McapRotation::Add(const McapMessage& message) {
   if (waiting_bytes_ > kMostWaiting && !failed_) status.Update(Flush());
   while (waiting_bytes_ > kMostWaiting) LoseOldest();
   return status;
+}
+
+void McapRotation::Begin(absl::Time time) {
+  writer_ = std::make_unique<McapWriter>(NameOf(time), channels_);
+  std::vector<McapMessage> opening = opening_();
+  for (McapMessage& message : opening) message.logged = time;
+  opening_size_ = opening.size();
+  waiting_.insert(waiting_.begin(), std::move_iterator(opening.begin()),
+                  std::move_iterator(opening.end()));
 }
 
 void McapRotation::LoseOldest() {
@@ -99,6 +102,10 @@ void McapRotation::LoseOldest() {
 absl::Status McapRotation::Flush() {
   absl::Status status;
   if (!waiting_.empty()) {
+    std::error_code error;
+    if (writer_->bytes() > 0 && !std::filesystem::exists(path_, error) && !error) {
+      Begin(waiting_.front().logged);
+    }
     const bool is_new = writer_->bytes() == 0;
     status = writer_->Write(waiting_);
     for (absl::Time named = waiting_.front().logged; absl::IsAlreadyExists(status);) {

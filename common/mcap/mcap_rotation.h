@@ -38,12 +38,12 @@ class McapRotation {
   McapRotation(McapRotationSettings settings, std::vector<McapChannel> channels,
                std::function<std::vector<McapMessage>()> opening);
 
-  // Begins a file if there is none, and the next one if it is full, was removed, or the wall clock
-  // was set back: the times of a file never step back. A message that cannot be written is kept
-  // (see Flush).
+  // Begins a file if there is none, and the next one if it is full or the wall clock was set back:
+  // the times of a file never step back. A message that cannot be written is kept (see Flush).
   absl::Status Add(const McapMessage& message);
 
-  // Writes to the disk what was added; the oldest files make room to one that has its first bytes.
+  // Writes to the disk what was added, into a new file if somebody removed this one; the oldest
+  // files make room to one that has its first bytes.
   // After an error (a full disk) it is kept and written later, up to kMostWaiting bytes; of more,
   // the oldest is lost, and counted.
   absl::Status Flush();
@@ -62,6 +62,8 @@ class McapRotation {
   static constexpr uint64_t kMostWaiting = uint64_t{64} << 20;
 
   std::string NameOf(absl::Time begin) const;
+  // A new file, which has what waits after its opening.
+  void Begin(absl::Time time);
   void LoseOldest();
   // Removes the oldest files: those of earlier runs by their names, then those begun here in the
   // order in which they were begun, whatever the wall clock said.

@@ -333,13 +333,14 @@ TEST_F(McapTest, FolderThatIsRemovedAndMadeAgainGetsANewFile) {
                      [] { return std::vector{At(0, "opening", 1)}; });
   ASSERT_TRUE(files.Add(At(0, "removed")).ok());
   ASSERT_TRUE(files.Flush().ok());
+  ASSERT_TRUE(files.Add(At(0.5, "waiting")).ok());
   std::filesystem::remove_all(folder);
   ASSERT_TRUE(files.Add(At(1, "meanwhile")).ok());
   EXPECT_FALSE(files.Flush().ok());
   std::filesystem::create_directory(folder);
   ASSERT_TRUE(files.Add(At(2, "after")).ok());
   ASSERT_TRUE(files.Close().ok());
-  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("opening", "meanwhile", "after"));
+  EXPECT_THAT(ReadFile(files.path()).data, ElementsAre("opening", "waiting", "meanwhile", "after"));
 }
 
 TEST_F(McapTest, FileThatADiskDoesNotCutBackIsWholeOnceItIsWritten) {
