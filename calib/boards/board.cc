@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -117,6 +118,10 @@ GridPlace Board::SquaresTo(GridPlace place) const {
   return place;
 }
 
+double NeighbourDistance(const BoardDescription& circles) {
+  return (circles.asymmetric ? std::numbers::sqrt2 : 1) * circles.square;
+}
+
 GridPlace Board::MostSquares() const {
   const int across = (description_.asymmetric ? 2 : 1) * mark_columns() - 1;
   return {.row = mark_rows() - 1, .column = across};
@@ -147,7 +152,6 @@ Eigen::Vector2d Board::extent() const {
 }
 
 Board::Steps Board::LatticeSteps() const {
-  if (description_.kind != BoardKind::kTags) return {.tag = 0, .pitch = 1};
   if (tags() == 1) return {.tag = 1, .pitch = 2};
   const double tag_size = description_.tag_size;
   const double pitch = tag_size + description_.gap;
@@ -174,20 +178,22 @@ int Board::Places(int marks, const Steps& steps) {
 
 std::optional<Lattice> Board::lattice() const {
   const BoardDescription& d = description_;
-  const Steps steps = LatticeSteps();
-  if (steps.pitch == 0) return std::nullopt;
-  Lattice lattice{.width = Places(mark_columns(), steps),
-                  .height = Places(mark_rows(), steps),
-                  .spacing = std::max(d.tag_size, d.square)};
+  Lattice lattice;
   if (d.kind != BoardKind::kTags) {
-    lattice.width = MostSquares().column + 1;
-    lattice.height = MostSquares().row + 1;
+    const GridPlace most = MostSquares();
+    lattice = {.width = most.column + 1, .height = most.row + 1, .spacing = d.square};
+  } else {
+    const Steps steps = LatticeSteps();
+    if (steps.pitch == 0) return std::nullopt;
+    lattice = {.width = Places(mark_columns(), steps),
+               .height = Places(mark_rows(), steps),
+               .spacing = d.tag_size};
+    if (tags() > 1) {
+      lattice.spacing = (d.tag_size + d.gap) / steps.pitch;
+      lattice.exact = std::abs(steps.tag * lattice.spacing - d.tag_size) <= kExactTag * d.tag_size;
+    }
   }
   if (lattice.width > kMostPlaces / lattice.height) return std::nullopt;
-  if (d.kind == BoardKind::kTags && tags() > 1) {
-    lattice.spacing = (d.tag_size + d.gap) / steps.pitch;
-    lattice.exact = std::abs(steps.tag * lattice.spacing - d.tag_size) <= kExactTag * d.tag_size;
-  }
   return lattice;
 }
 
@@ -363,13 +369,14 @@ std::string SharedMarks(const Board& board, const Board& other) {
   const bool aruco = d.kind == BoardKind::kCharuco || o.kind == BoardKind::kCharuco;
   if (d.kind != o.kind && !aruco) return "";
   const std::string boards = absl::StrCat("the boards '", o.name, "' and '", d.name, "' ");
-  if (d.kind == BoardKind::kCircles) {
-    if (board.family() != other.family()) return "";
-    return boards + "are circles of one size, so that no image tells them apart; take one out";
-  }
-  if (d.kind == BoardKind::kChessboard && o.kind == d.kind) {
-    if (std::minmax(d.rows, d.columns) != std::minmax(o.rows, o.columns)) return "";
-    return boards + "are chessboards of one size, so that no image tells them apart; take one out";
+  if (!aruco && d.kind != BoardKind::kTags) {
+    // Seen from the side a board of 7x5 is one of 5x7, but for asymmetric ones.
+    const bool alike = d.asymmetric || o.asymmetric
+                           ? board.family() == other.family()
+                           : std::minmax(d.rows, d.columns) == std::minmax(o.rows, o.columns);
+    if (!alike) return "";
+    return absl::StrCat(boards, "are ", d.kind == BoardKind::kCircles ? "circles" : "chessboards",
+                        " of one size, so that no image tells them apart; take one out");
   }
   const int first = std::max(d.first_id, o.first_id);
   if (!aruco) {

@@ -54,6 +54,9 @@ struct BoardDescription {
   bool asymmetric = false;
 };
 
+// Between the middles of nearest neighbours of a board of circles, metres.
+double NeighbourDistance(const BoardDescription& circles);
+
 // A regular lattice of points in the board's plane, its first one at the board's origin.
 struct Lattice {
   int width = 0;

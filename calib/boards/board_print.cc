@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <stdexcept>
 #include <string>
 
@@ -88,17 +87,13 @@ void AddDisc(const Vector2d& middle, double radius, BoardPrint& print) {
 }
 
 void AddDiscs(const Board& board, BoardPrint& print) {
+  const double radius = NeighbourDistance(board.description()) / 4;
   for (int id = board.first_mark(); board.HasTag(id); ++id) {
-    AddDisc(board.CornersOf(id)[0].head<2>(), DiscRadius(board.description()), print);
+    AddDisc(board.CornersOf(id)[0].head<2>(), radius, print);
   }
 }
 
 }  // namespace
-
-double DiscRadius(const BoardDescription& circles) {
-  // A quarter of the way to the nearest neighbour.
-  return (circles.asymmetric ? std::numbers::sqrt2 : 1) * circles.square / 4;
-}
 
 BoardPrint PrintOf(const Board& board) {
   if (const absl::Status status = CheckBoards({&board, 1}); !status.ok()) {

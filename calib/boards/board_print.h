@@ -21,9 +21,6 @@ struct BoardPrint {
 // std::invalid_argument for a board that CheckBoards refuses.
 BoardPrint PrintOf(const Board& board);
 
-// Of circles, metres.
-double DiscRadius(const BoardDescription& circles);
-
 // Metres between the corners and the rim of the print.
 double PrintRim(const Board& board);
 

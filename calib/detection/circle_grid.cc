@@ -309,7 +309,7 @@ std::vector<DetectedTag> DetectCircles(const Board& board, const cv::Mat& image)
   if (found.empty()) return {};
   const BoardDescription& d = board.description();
   CirclesSeen circles;
-  circles.apart = (d.asymmetric ? std::numbers::sqrt2 : 1) * d.square;
+  circles.apart = NeighbourDistance(d);
   for (int id = board.first_mark(); board.HasTag(id); ++id) {
     circles.on_board.emplace_back(board.CornersOf(id).front().head<2>());
   }

@@ -241,8 +241,9 @@ Picture PictureOfTags(const cv::Mat& image, const ImageTags& tags) {
   std::string title = absl::StrCat(tags.view, " ", tags.frame, ": ", tags.tags.size(), " of ",
                                    tags.expected, " tags");
   if (!tags.tags.empty()) {
-    absl::StrAppendFormat(&title, ", sigma %.3f px, blur %.2f px (in the tags: id, sigma)",
-                          tags.TypicalSigma(), tags.MedianBlur());
+    absl::StrAppendFormat(&title, ", sigma %.3f px", tags.TypicalSigma());
+    if (tags.MedianBlur() > 0) absl::StrAppendFormat(&title, ", blur %.2f px", tags.MedianBlur());
+    absl::StrAppend(&title, " (in the tags: id, sigma)");
   }
   return ContactSheet({{picture, ""}},
                       {.title = title,

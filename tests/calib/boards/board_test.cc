@@ -295,8 +295,11 @@ TEST(BoardFile, MistakesInOtherBoardsAreToldWithTheMend) {
   EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x1, spacing: 0.02}\n"),
               HasSubstr("at least 2x2"));
   EXPECT_THAT(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 0.02}\n"
-                                  "- {name: b, circles: 4x11, spacing: 0.03}\n"),
+                                  "- {name: b, circles: 11x4, spacing: 0.03}\n"),
               HasSubstr("circles of one size"));
+  EXPECT_EQ(BoardFileMessageFor("- {name: a, circles: 4x11, spacing: 0.02}\n"
+                                "- {name: b, circles: 4x11, spacing: 0.02, asymmetric: true}\n"),
+            "");
   EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9, square: 0.025}\n"),
               HasSubstr("such as 9x6"));
   EXPECT_THAT(BoardFileMessageFor("- {name: a, chessboard: 9x6, square: 25}\n"),

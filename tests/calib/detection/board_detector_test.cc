@@ -15,6 +15,7 @@
 
 #include "calib/boards/tag_family.h"
 #include "calib/detection/image_tags.h"
+#include "tests/calib/detection/corner_errors.h"
 #include "tests/calib/detection/rendered_board.h"
 
 namespace silhouette {
@@ -77,33 +78,6 @@ RenderedBoard Seen(const Board& board, const Sight& sight, int seed) {
                                  RandomPose(board, sight.distance, sight.tilt, random);
   return RenderedBoard(board, Intrinsics(320, 240, kBoardFocal, -0.2), pose, sight.settings,
                        random);
-}
-
-struct CornerErrors {
-  size_t corners = 0;
-  double rms = 0;    // per axis, pixels
-  double worst = 0;  // pixels
-  double chi2 = 0;   // per degree of freedom
-};
-
-CornerErrors ErrorsIn(const cv::Mat& image, const RenderedBoard& rendered, const Board& board,
-                      const std::optional<CameraModel>& lens = std::nullopt) {
-  BoardDetector detector({board});
-  CornerErrors errors;
-  for (const DetectedTag& mark : detector.Detect(image, lens)) {
-    if (!board.HasTag(mark.family, mark.tag)) continue;
-    for (size_t i = 0; i < mark.corners.size(); ++i) {
-      const double error =
-          (mark.corners[i] - rendered.Corner(mark.tag, static_cast<int>(i))).norm();
-      errors.rms += error * error / 2;
-      errors.chi2 += error * error / (2 * mark.sigma * mark.sigma);
-      errors.worst = std::max(errors.worst, error);
-      ++errors.corners;
-    }
-  }
-  errors.rms = std::sqrt(errors.rms / static_cast<double>(errors.corners));
-  errors.chi2 /= static_cast<double>(errors.corners);
-  return errors;
 }
 
 CornerErrors ErrorsIn(const RenderedBoard& rendered, const Board& board,

@@ -6,7 +6,10 @@
 #include <gtest/gtest.h>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <utility>
 
+#include "tests/calib/detection/corner_errors.h"
 #include "tests/calib/detection/rendered_board.h"
 
 namespace silhouette {
@@ -30,35 +33,14 @@ RenderedBoard CirclesSeenFrom(const Board& board, double tilt, double turn, int 
   return RenderedBoard(board, Intrinsics(260, 220, 270, -0.2), pose, settings, random);
 }
 
-struct MiddleErrors {
-  size_t circles = 0;
-  double rms = 0;    // per axis, pixels
-  double worst = 0;  // pixels
-  double chi2 = 0;   // per degree of freedom
-};
-
-MiddleErrors MiddleErrorsIn(const RenderedBoard& rendered, const Board& board) {
-  MiddleErrors errors;
-  for (const DetectedTag& mark : DetectCircles(board, rendered.image())) {
-    const double error = (mark.corners[0] - rendered.Corner(mark.tag, 0)).norm();
-    errors.rms += error * error / 2;
-    errors.chi2 += error * error / (2 * mark.sigma * mark.sigma);
-    errors.worst = std::max(errors.worst, error);
-    ++errors.circles;
-  }
-  errors.rms = std::sqrt(errors.rms / static_cast<double>(errors.circles));
-  errors.chi2 /= static_cast<double>(errors.circles);
-  return errors;
-}
-
 TEST(Circles, AreGoodToHundredthsOfAPixelFromAllSides) {
   for (const double blur : {0.4, 1.0}) {
     for (int seed = 1; seed <= 2; ++seed) {
       const Board board = Circles(4, 11, true);
-      const MiddleErrors errors =
-          MiddleErrorsIn(CirclesSeenFrom(board, 0.7, 2.1 * seed, seed, {.blur = blur}), board);
+      const CornerErrors errors =
+          ErrorsIn(CirclesSeenFrom(board, 0.7, 2.1 * seed, seed, {.blur = blur}), board);
       SCOPED_TRACE(testing::Message() << "blur " << blur << " seed " << seed);
-      EXPECT_EQ(errors.circles, 44u);
+      EXPECT_EQ(errors.corners, 44u);
       EXPECT_LT(errors.rms, 0.03);
       EXPECT_LT(errors.worst, 0.1);
       EXPECT_LT(errors.chi2, 2.5);
@@ -72,8 +54,8 @@ TEST(Circles, OfASymmetricBoardAreAsGoodWithTheFirstOneNearerToTheTopLeft) {
   for (int seed = 1; seed <= 2; ++seed) {
     const Board board = Circles(7, 5, false);
     const double turn = 0.8 * seed - 1.2;
-    const MiddleErrors errors = MiddleErrorsIn(CirclesSeenFrom(board, 0.6, turn, seed), board);
-    EXPECT_EQ(errors.circles, 35u) << seed;
+    const CornerErrors errors = ErrorsIn(CirclesSeenFrom(board, 0.6, turn, seed), board);
+    EXPECT_EQ(errors.corners, 35u) << seed;
     EXPECT_LT(errors.worst, 0.1) << seed;
   }
 }
@@ -87,6 +69,23 @@ TEST(Circles, OfABoardThatIsNotSeenWholeAreNotMadeUp) {
   image(cv::Rect(static_cast<int>(at.x()) - 8, static_cast<int>(at.y()) - 8, 16, 16)) =
       image.at<uint8_t>(static_cast<int>(at.y()) - 9, static_cast<int>(at.x()) - 9);
   EXPECT_TRUE(DetectCircles(board, image).empty());
+}
+
+// OpenCV overlooks a circle that is cut in two, and makes one up from the others.
+TEST(Circles, ThatAScratchCutsAreFoundWhereTheyAre) {
+  const Board board = Circles(3, 5, true);
+  for (const auto& [circle, slope] : {std::pair{14, 0}, {2, 7}, {11, 9}}) {
+    std::mt19937_64 random(3);
+    const Eigen::Isometry3d pose = RandomPose(board, 0.45, 0.6, random);
+    const RenderedBoard rendered(board, Intrinsics(160, 140, 300, -0.2), pose, {}, random);
+    cv::Mat image = rendered.image().clone();
+    const Eigen::Vector2i at = rendered.Corner(circle, 0).cast<int>();
+    cv::line(image, {at.x() - 9, at.y() - slope}, {at.x() + 9, at.y() + slope}, 210, 1,
+             cv::LINE_AA);
+    const CornerErrors errors = ErrorsIn(image, rendered, board);
+    EXPECT_EQ(errors.corners, 15u) << circle;
+    EXPECT_LT(errors.worst, 0.25) << circle;
+  }
 }
 
 }  // namespace
