@@ -82,7 +82,7 @@ struct BlockVoxels {
   BlockBits centres{};
 };
 
-// What the images say of blocks of voxels. Refers to the space.
+// What the images say of blocks of voxels. Refers to the space; for one thread.
 class ImagesInBlocks {
  public:
   ImagesInBlocks(const VoxelSpace& space, const ObstacleImages& images,
@@ -97,7 +97,7 @@ class ImagesInBlocks {
         allowed, [](const std::optional<Mask>& mask) { return mask && !mask->Empty(); });
   }
 
-  BlockVoxels At(size_t slot) const {
+  BlockVoxels At(size_t slot) {
     BlockVoxels block;
     for (size_t view = 0; view < tables_.size(); ++view) {
       if (!tables_[view].AnyPossible(LookOf(view).block_touched[slot])) return block;
@@ -111,7 +111,7 @@ class ImagesInBlocks {
  private:
   const VoxelSpace::Look& LookOf(size_t view) const { return space_.look(static_cast<int>(view)); }
 
-  void LookAtRow(size_t place, size_t row, BlockVoxels& block) const {
+  void LookAtRow(size_t place, size_t row, BlockVoxels& block) {
     uint64_t bytes = ~uint64_t{0};
     PlainVoxels plain;
     for (size_t view = 0; view < tables_.size(); ++view) {
@@ -254,7 +254,7 @@ PossibleVoxels::PossibleVoxels(const VoxelSpace& space, const ObstacleImages& im
   centres = VoxelSet(grid);
   plain = VoxelSet(grid);
   VoxelSet taken(grid);
-  const ImagesInBlocks in_images(space, images, allowed, max_occluded_views);
+  ImagesInBlocks in_images(space, images, allowed, max_occluded_views);
   for (size_t slot = 0; slot < space.active().size(); ++slot) {
     BlockVoxels block = in_images.At(slot);
     if (AllEmpty(block.possible)) continue;

@@ -9,8 +9,6 @@
 #include <span>
 #include <utility>
 
-#include "db/mask/wider_vectors.h"
-
 namespace silhouette {
 
 namespace {
@@ -23,6 +21,7 @@ constexpr int kVoxelLookEdge = VoxelGrid::kBlockEdge;
 constexpr double kVoxelLookRounding = 1e-6;
 // Certain pixels farther than this from the centre's are not asked for.
 constexpr int kShapeReach = 15;
+constexpr int kShapeSide = 2 * kShapeReach + 1;
 
 // How finely places and radii are resolved, in steps per pixel: the larger the ball, the less it
 // matters.
@@ -299,18 +298,6 @@ void Flip(uint8_t* bytes, size_t count, uint8_t bits) {
   for (size_t i = 0; i < count; ++i) bytes[i] ^= bits;
 }
 
-// into = into & from, word by word.
-SILHOUETTE_WIDER_VECTORS
-void And(std::span<uint64_t> into, std::span<const uint64_t> from) {
-  using Words [[gnu::vector_size(32), gnu::may_alias, gnu::aligned(8)]] = uint64_t;
-  constexpr size_t kAtOnce = sizeof(Words) / sizeof(uint64_t);
-  size_t i = 0;
-  for (; i + kAtOnce <= into.size(); i += kAtOnce) {
-    *reinterpret_cast<Words*>(&into[i]) &= *reinterpret_cast<const Words*>(&from[i]);
-  }
-  for (; i < into.size(); ++i) into[i] &= from[i];
-}
-
 // `row` moved so that place x holds what was at x + by; what comes in from outside is set.
 void AndMoved(std::span<const uint64_t> row, int by, int width, std::span<uint64_t> out) {
   const auto bits = [&](int place) {  // 64 bits from `place`, of whatever lies there
@@ -335,14 +322,11 @@ LookTables::LookTables(const VoxelSpace::Look& look, const std::optional<Obstacl
     : width_(look.mask_size.width) {
   if (!image) {
     touched_.assign(1 + look.kinds.size() * look.mask_size.pixels(), kPossible | kObstacle);
-    const size_t bits =
-        look.shapes.size() * static_cast<size_t>(look.mask_size.height) * look.row_bits();
-    certain_.assign(bits / 64, ~uint64_t{0});
     return;
   }
   FillTouched(look, *image, allowed);
   const Mask foreground = image->obstacle() | image->unknown() | image->error();
-  FillCertain(look, foreground);
+  certain_.emplace(look, foreground);
   const auto stride = static_cast<size_t>(width_) + 1;
   sums_.assign(stride * (static_cast<size_t>(look.mask_size.height) + 1), 0);
   const MaskWords words = foreground.words();
@@ -392,47 +376,50 @@ void LookTables::FillTouched(const VoxelSpace::Look& look, const ObstacleImage& 
   }
 }
 
-void LookTables::FillCertain(const VoxelSpace::Look& look, const Mask& foreground) {
-  const auto height = static_cast<size_t>(look.mask_size.height);
-  const size_t row_words = look.row_bits() / 64;
-  const size_t image_words = height * row_words;
-  // The foreground, set also where there is no image.
-  std::vector<uint64_t> padded(image_words, ~uint64_t{0});
+CertainImages::CertainImages(const VoxelSpace::Look& look, const Mask& foreground)
+    : shapes_(look.shapes),
+      width_(look.mask_size.width),
+      height_(static_cast<size_t>(look.mask_size.height)),
+      row_words_(look.row_bits() / 64),
+      foreground_(height_ * row_words_, ~uint64_t{0}),
+      run_images_(kShapeSide * kShapeSide),
+      words_(std::make_unique_for_overwrite<uint64_t[]>(shapes_.size() * foreground_.size())),
+      made_((shapes_.size() * foreground_.size() + 63) / 64, 0) {
   const MaskWords words = foreground.words();
-  for (size_t y = 0; y < height; ++y) {
+  for (size_t y = 0; y < height_; ++y) {
     for (size_t x = 0; x < static_cast<size_t>(width_); ++x) {
       const size_t bit = y * static_cast<size_t>(width_) + x;
       if ((words[bit / 64] >> (bit % 64) & 1) != 0) continue;
-      padded[y * row_words + x / 64] &= ~(uint64_t{1} << (x % 64));
+      foreground_[y * row_words_ + x / 64] &= ~(uint64_t{1} << (x % 64));
     }
   }
-  // The image in which a pixel is set if all pixels from `first` to `last` of its row are.
-  std::map<std::pair<int, int>, std::vector<uint64_t>> runs;
-  const auto run_image = [&](int first, int last) -> const std::vector<uint64_t>& {
-    const auto [place, added] = runs.try_emplace({first, last});
-    if (!added) return place->second;
-    place->second.assign(image_words, ~uint64_t{0});
-    for (size_t y = 0; y < height; ++y) {
-      const std::span row(padded.data() + y * row_words, row_words);
-      const std::span out(place->second.data() + y * row_words, row_words);
-      for (int by = first; by <= last; ++by) AndMoved(row, by, width_, out);
-    }
-    return place->second;
-  };
-  certain_.assign(look.shapes.size() * image_words, ~uint64_t{0});
-  for (size_t i = 0; i < look.shapes.size(); ++i) {
-    uint64_t* out = certain_.data() + i * image_words;
-    for (const PixelRun& run : look.shapes[i]) {
-      const std::vector<uint64_t>& of_run = run_image(run.first, run.last);
-      const auto above = static_cast<size_t>(std::max(0, -run.dy));
-      const auto below = static_cast<size_t>(std::max<int>(0, run.dy));
-      if (above >= height || below >= height) continue;
-      const size_t moved = (height - above - below) * row_words;
-      const uint64_t* from = of_run.data() + below * row_words;
-      uint64_t* to = out + above * row_words;
-      And({to, moved}, {from, moved});
-    }
+}
+
+const std::vector<uint64_t>& CertainImages::RunImage(int first, int last) {
+  std::vector<uint64_t>& image =
+      run_images_[static_cast<size_t>((first + kShapeReach) * kShapeSide + last + kShapeReach)];
+  if (!image.empty()) return image;
+  image.assign(foreground_.size(), ~uint64_t{0});
+  for (size_t y = 0; y < height_; ++y) {
+    const std::span row(foreground_.data() + y * row_words_, row_words_);
+    const std::span out(image.data() + y * row_words_, row_words_);
+    for (int by = first; by <= last; ++by) AndMoved(row, by, width_, out);
   }
+  return image;
+}
+
+void CertainImages::Make(size_t word) {
+  const size_t in_image = word % foreground_.size();
+  const int y = static_cast<int>(in_image / row_words_);
+  uint64_t bits = ~uint64_t{0};
+  for (const PixelRun& run : shapes_[word / foreground_.size()]) {
+    const int row = y + run.dy;
+    if (row < 0 || row >= static_cast<int>(height_)) continue;
+    bits &= RunImage(run.first,
+                     run.last)[static_cast<size_t>(row) * row_words_ + in_image % row_words_];
+  }
+  words_[word] = bits;
+  made_[word / 64] |= uint64_t{1} << (word % 64);
 }
 
 bool LookTables::AnyPossible(const PixelRectangle& pixels) const {

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -76,8 +77,38 @@ class VoxelLooker {
   std::map<PixelShape, uint32_t> shapes_;
 };
 
+// Whether all certain pixels of a voxel are foreground, in words of one image per shape. A word is
+// made when it is asked for: most never are.
+class CertainImages {
+ public:
+  // Refers to `look`, which must outlive it.
+  CertainImages(const VoxelSpace::Look& look, const Mask& foreground);
+
+  // By an entry of VoxelSpace::Look::certain. For one thread.
+  bool At(uint32_t index) {
+    const size_t word = index / 64;
+    if ((made_[word / 64] >> (word % 64) & 1) == 0) Make(word);
+    return (words_[word] >> (index % 64) & 1) != 0;
+  }
+
+ private:
+  void Make(size_t word);
+  // The image in which a pixel is set if all pixels from `first` to `last` of its row are, relative
+  // to it.
+  const std::vector<uint64_t>& RunImage(int first, int last);
+
+  const std::vector<PixelShape>& shapes_;
+  int width_;
+  size_t height_;
+  size_t row_words_;
+  std::vector<uint64_t> foreground_;  // set also where there is no image
+  std::vector<std::vector<uint64_t>> run_images_;
+  std::unique_ptr<uint64_t[]> words_;
+  std::vector<uint64_t> made_;  // a bit per word
+};
+
 // One view's image in tables, so that one look-up returns what a voxel touches: made once per
-// scene.
+// scene, for one thread.
 class LookTables {
  public:
   // Of the pixels that a voxel touches:
@@ -87,7 +118,7 @@ class LookTables {
   static constexpr uint8_t kShown = 8;     // one is an obstacle
 
   // Without an image the view says nothing, and allows nothing. `allowed`: the allowed pixels, if
-  // any.
+  // any. Refers to `look`, which must outlive it.
   LookTables(const VoxelSpace::Look& look, const std::optional<ObstacleImage>& image,
              const std::optional<Mask>& allowed);
 
@@ -95,20 +126,17 @@ class LookTables {
   const uint8_t* touched() const { return touched_.data(); }
 
   // Whether a ball may have its centre in a voxel, by an entry of VoxelSpace::Look::certain.
-  bool CentrePossible(uint32_t index) const {
-    return (certain_[index / 64] >> (index % 64) & 1) != 0;
-  }
+  bool CentrePossible(uint32_t index) { return !certain_ || certain_->At(index); }
   // Whether any pixel of a rectangle is not background.
   bool AnyPossible(const PixelRectangle& pixels) const;
 
  private:
   void FillTouched(const VoxelSpace::Look& look, const ObstacleImage& image,
                    const std::optional<Mask>& allowed);
-  void FillCertain(const VoxelSpace::Look& look, const Mask& foreground);
 
   int width_ = 0;
   std::vector<uint8_t> touched_;
-  std::vector<uint64_t> certain_;
+  std::optional<CertainImages> certain_;  // of an image
   // Per corner of a pixel, how many pixels above and left of it are not background.
   std::vector<uint32_t> sums_;
 };
