@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <iostream>
 #include <utility>
@@ -20,6 +21,11 @@ constexpr int kBarWidth = 24;
 // Who waits so long looks at the clock.
 constexpr absl::Duration kClockFrom = absl::Minutes(2);
 
+// By a clock that nobody sets.
+absl::Duration Running() {
+  return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+}
+
 }  // namespace
 
 Progress::Progress(std::string what, uint64_t total, std::string unit)
@@ -27,18 +33,18 @@ Progress::Progress(std::string what, uint64_t total, std::string unit)
       total_(total),
       unit_(std::move(unit)),
       terminal_(isatty(STDERR_FILENO) == 1),
-      start_(absl::Now()),
+      start_(Running()),
       next_(start_ + (terminal_ ? kRedraw : kPlainLine)) {}
 
 Progress::~Progress() {
-  Draw(Line(absl::Now()));
+  Draw(Line(Running()));
   if (terminal_) std::cerr << std::endl;
 }
 
 void Progress::Update(uint64_t done, uint64_t kept) {
   done_ = done;
   kept_ = kept;
-  const absl::Time now = absl::Now();
+  const absl::Duration now = Running();
   if (now < next_) return;
   next_ = now + (terminal_ ? kRedraw : kPlainLine);
   Draw(Line(now));
@@ -49,7 +55,7 @@ void Progress::Say(const std::string& line) {
   std::cerr << line << std::endl;
 }
 
-std::string Progress::Line(absl::Time now) const {
+std::string Progress::Line(absl::Duration now) const {
   const double share = total_ == 0 ? 1 : static_cast<double>(done_) / static_cast<double>(total_);
   const absl::Duration spent = now - start_;
   std::string line = absl::StrFormat("%s ", what_);
@@ -63,7 +69,8 @@ std::string Progress::Line(absl::Time now) const {
     const absl::Duration left =
         spent * (static_cast<double>(total_ - done_) / static_cast<double>(done_ - kept_));
     line += ", " + Spoken(left) + " left";
-    if (left >= kClockFrom) line += ", done about " + ClockTime(now + left, now);
+    const absl::Time clock = absl::Now();
+    if (left >= kClockFrom) line += ", done about " + ClockTime(clock + left, clock);
   } else {
     line += ", " + Spoken(spent);
   }
@@ -82,7 +89,7 @@ void Progress::Draw(const std::string& line) {
 Steps::Steps(std::string what)
     : what_(std::move(what)),
       terminal_(isatty(STDERR_FILENO) == 1),
-      start_(absl::Now()),
+      start_(Running()),
       next_(terminal_ ? start_ : start_ + kPlainLine) {}
 
 Steps::~Steps() {
@@ -90,7 +97,7 @@ Steps::~Steps() {
 }
 
 void Steps::Begin(const std::string& step) {
-  const absl::Time now = absl::Now();
+  const absl::Duration now = Running();
   if (now < next_) return;
   if (!terminal_) next_ = now + kPlainLine;
   const std::string line = absl::StrFormat("%s: %s, %s", what_, step, Spoken(now - start_));

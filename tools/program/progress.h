@@ -27,15 +27,15 @@ class Progress {
   void Say(const std::string& line);
 
  private:
-  std::string Line(absl::Time now) const;
+  std::string Line(absl::Duration now) const;
   void Draw(const std::string& line);
 
   const std::string what_;
   const uint64_t total_;
   const std::string unit_;
   const bool terminal_;
-  const absl::Time start_;
-  absl::Time next_;
+  const absl::Duration start_;
+  absl::Duration next_;
   uint64_t done_ = 0;
   uint64_t kept_ = 0;
   bool drawn_ = false;
@@ -56,8 +56,8 @@ class Steps {
  private:
   const std::string what_;
   const bool terminal_;
-  const absl::Time start_;
-  absl::Time next_;
+  const absl::Duration start_;
+  absl::Duration next_;
 };
 
 // A moment as people say it, in local time: "06:12", "Mon 06:12" if it is not today, with the date
