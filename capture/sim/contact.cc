@@ -224,9 +224,6 @@ MotionContact MotionChecker::Check(std::span<const double> from, std::span<const
   double travel = 0;  // metres that any point moves at most
   for (size_t j = 0; j < from.size(); ++j) {
     way.push_back(to[j] - from[j]);
-    if (robot_.joints()[j].type == JointType::kContinuous) {
-      way[j] = std::remainder(way[j], 2 * std::numbers::pi);
-    }
     travel += reach_[j] * std::abs(way[j]);
   }
   MotionContact nearest;

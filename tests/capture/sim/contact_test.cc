@@ -138,11 +138,12 @@ TEST_F(MotionContactTest, FreeMotionTellsItsNarrowestPlace) {
   EXPECT_NEAR(motion.positions[0], std::numbers::pi / 2, 0.05);
 }
 
-TEST_F(MotionContactTest, ContinuousJointTakesTheShorterWay) {
-  // `bend` is continuous: from 3 to -3 it passes pi, where the forearm points back, not 0, where it
-  // would meet the box ahead.
+TEST_F(MotionContactTest, ContinuousJointTakesTheWayThatItsValuesSay) {
+  // `bend` is continuous: from 3 to -3 it passes 0, where the forearm meets the box ahead; the same
+  // place by the other way round passes pi, where it points back.
   const std::vector<Obstacle> ahead{BoxAt("box", {0.1, 0.1, 0.1}, {0.8, 0, 1})};
-  EXPECT_FALSE(Check(ahead, {0, 3, 0}, {0, -3, 0}).contact.touching);
+  EXPECT_TRUE(Check(ahead, {0, 3, 0}, {0, -3, 0}).contact.touching);
+  EXPECT_FALSE(Check(ahead, {0, 3, 0}, {0, 2 * std::numbers::pi - 3, 0}).contact.touching);
   EXPECT_TRUE(Check(ahead, {0, 1.5, 0}, {0, -1.5, 0}).contact.touching);
 }
 

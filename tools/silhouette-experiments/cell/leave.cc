@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <memory>
+#include <numbers>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -78,7 +80,7 @@ class PersonSearch {
   const std::vector<BodyPart> parts_;
 };
 
-// The neighbouring grid points, diagonal ones included.
+// The neighbouring grid points, diagonal ones included; of a continuous joint by the shorter way.
 std::vector<Configuration> NeighboursOf(const ConfigurationGrid& grid, const Configuration& q) {
   std::vector<GridIndex> indices = {*grid.IndexOf(*grid.Nearest(q))};
   for (int j = 0; j < grid.dimensions(); ++j) {
@@ -91,7 +93,12 @@ std::vector<Configuration> NeighboursOf(const ConfigurationGrid& grid, const Con
   }
   std::vector<Configuration> neighbours;
   for (size_t i = 1; i < indices.size(); ++i) {
-    neighbours.push_back(grid.At(grid.NumberOf(indices[i])));
+    Configuration to = grid.At(grid.NumberOf(indices[i]));
+    for (size_t j = 0; j < to.size(); ++j) {
+      if (!grid.joints()[j].continuous) continue;
+      to[j] = q[j] + std::remainder(to[j] - q[j], 2 * std::numbers::pi);
+    }
+    neighbours.push_back(std::move(to));
   }
   return neighbours;
 }
