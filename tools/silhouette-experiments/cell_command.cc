@@ -246,6 +246,12 @@ NamedScenes NearScenes(const SimulatedWorkplace& workplace, const CellArguments&
   return scenes;
 }
 
+void SayHowManyWereFound(const std::string& kind, size_t found, int wanted) {
+  if (found == static_cast<size_t>(wanted)) return;
+  std::cerr << kind << ": places for " << found << " of " << wanted << " scenes were found"
+            << std::endl;
+}
+
 // All scenes with one calibration. `prefix`: of the experiments' names in files. Adds what came of
 // them to `done`. The rows.
 absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const TrialSetting& setting,
@@ -322,6 +328,11 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
   }
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
   const NamedScenes near = NearScenes(workplace, arguments);
+  if (StopRequested()) return absl::CancelledError();
+  SayHowManyWereFound("hidden", hidden.size(), arguments.hidden);
+  size_t near_found = 0;
+  for (const auto& [name, scenes] : near) near_found += scenes.size();
+  SayHowManyWereFound("near", near_found, arguments.near);
   std::vector<Experiment> experiments;
   ASSIGN_OR_RETURN(const auto rows,
                    RunAll(arguments, *truth.setting, hidden, near, "", experiments));
