@@ -148,6 +148,17 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
     case grpc::StatusCode::OK:
       return absl::OkStatus();
     case grpc::StatusCode::UNAVAILABLE:
+      if (absl::StrContains(status.error_message(), "wrong version number")) {
+        return absl::UnavailableError(
+            absl::StrCat("the server at ", address_,
+                         " does not encrypt; connect without certificates, or start it with TLS"));
+      }
+      if (absl::StrContains(status.error_message(), "security handshaker")) {
+        // While files are renewed, for a moment: Unavailable, as it passes.
+        return absl::UnavailableError(
+            absl::StrCat("the key for the connection to ", address_,
+                         " is not that of the certificate; name files that belong together"));
+      }
       if (encrypted_) {
         return absl::UnavailableError(
             absl::StrCat("no server answers at ", address_,
@@ -158,6 +169,12 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
       if (absl::StrContains(status.error_message(), "DNS")) {
         return absl::UnavailableError(absl::StrCat("no host has the name in '", address_,
                                                    "'; correct it, or use the host's IP address"));
+      }
+      if (absl::StrContains(status.error_message(), "Socket closed")) {
+        return absl::UnavailableError(
+            absl::StrCat("no server answers at ", address_,
+                         " without certificates; start silhouette-server or use another address, "
+                         "or give certificates if it has TLS"));
       }
       return absl::UnavailableError(absl::StrCat(
           "no server answers at ", address_, "; start silhouette-server or use another address"));

@@ -19,7 +19,10 @@ class CMakeBuild(build_ext):
             ["cmake", "-S", ROOT, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_UNITY_BUILD=ON",
              "-DSILHOUETTE_PARTS=client", "-DSILHOUETTE_PYTHON=ON", f"-DPython3_EXECUTABLE={sys.executable}"],
             check=True)
-        subprocess.run(["cmake", "--build", build, "--parallel", "--target", "silhouette_python"], check=True)
+        # A compiler may take 1 GB.
+        jobs = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or str(os.cpu_count())
+        subprocess.run(["cmake", "--build", build, "--parallel", jobs, "--target", "silhouette_python"],
+                       check=True)
         built = next((build / "python/silhouette").glob("_silhouette*.so"))
         target.parent.mkdir(parents=True, exist_ok=True)
         self.copy_file(str(built), str(target))

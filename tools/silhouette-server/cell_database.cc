@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -277,6 +278,9 @@ std::string VoxelsText(const SoundCell& sound, size_t views) {
                              : "");
 }
 
+// To as many parts of one.
+double RoundedUp(double value, double parts) { return std::ceil(value * parts) / parts; }
+
 // Of a cell that states the section 'sound'.
 void LogSound(const ServedDatabase& database, const Cell& cell) {
   if (database.sound() == nullptr) {
@@ -285,13 +289,13 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
     return;
   }
   const SoundBasis& sound = *database.sound();
-  const double least = sound.space().least_obstacle();
   if (sound.mask_scale() > 1) {
     spdlog::warn(
         "the masks resolve only obstacles of about {:.3f} m beside the robot, so much free space "
-        "will be blocked: set least_obstacle above {:.3f} m, or use masks of {:.1f} times as many "
+        "will be blocked: set least_obstacle to more than that, or use masks of {:.2f} times as "
+        "many "
         "pixels along each side",
-        sound.resolvable_obstacle(), least, sound.mask_scale());
+        RoundedUp(sound.resolvable_obstacle(), 1000), RoundedUp(sound.mask_scale(), 100));
   }
   if (!sound.open_links().empty()) {
     spdlog::warn(

@@ -138,11 +138,15 @@ class GrpcCameras : public CameraSource {
                                                      " images instead of ", views_.size())));
     }
     std::vector<CameraImage> images;
-    for (const v1::DriverImage& message : call->response.images()) {
+    for (int i = 0; i < call->response.images_size(); ++i) {
+      const v1::DriverImage& message = call->response.images(i);
       const auto captured = CaptureTime(message, call->begin, end);
-      if (!captured.ok()) return Faulty(captured.status());
-      auto image = ImageOf(message, *captured);
-      if (!image.ok()) return Faulty(image.status());
+      auto image = captured.ok() ? ImageOf(message, *captured) : captured.status();
+      if (!image.ok()) {
+        return Faulty(absl::Status(
+            image.status().code(),
+            absl::StrCat("camera '", request_.cameras(i), "': ", image.status().message())));
+      }
       images.push_back(*std::move(image));
     }
     return images;

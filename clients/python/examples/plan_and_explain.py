@@ -133,7 +133,8 @@ with client.watch_path(waypoints) as watch:
     #     if not update: stop the robot
 
 # %% Check without a call
-with silhouette.LocalSpace(client, max_age=10.0) as local:
+# The demo publishes one scene, which soon is old; where cameras are live, a second is enough.
+with silhouette.LocalSpace(client, max_age=600.0) as local:
     snapshot = local.wait_for_update(after=0, timeout=10.0)
     print(f"local: start {snapshot.check(start)}, goal {snapshot.check(goal)}")
     print(f"local: {snapshot.check_many(straight).free.sum()} of {len(straight)} places free")

@@ -305,6 +305,21 @@ TEST_F(GateTest, ClientRefusesAServerOfAnotherNameOrAuthority) {
   EXPECT_TRUE(absl::IsUnavailable(Ask(TlsOf("planner", elsewhere))));
 }
 
+TEST_F(GateTest, ClientSaysWhatOfItsCertificatesDoesNotFitTheServer) {
+  Start(TlsGate());
+  EXPECT_THAT(std::string(Ask({}).message()), HasSubstr("give certificates if it has TLS"));
+  ClientTls mixed = TlsOf("planner");
+  mixed.key = TlsOf("publisher").key;
+  const absl::Status other_key = Ask(mixed);
+  EXPECT_TRUE(absl::IsUnavailable(other_key)) << other_key;
+  EXPECT_THAT(std::string(other_key.message()), HasSubstr("is not that of the certificate"));
+  server.reset();
+  Start(GateSettings());
+  const absl::Status plain = Ask(TlsOf("planner"));
+  EXPECT_TRUE(absl::IsUnavailable(plain)) << plain;
+  EXPECT_THAT(std::string(plain.message()), HasSubstr("does not encrypt"));
+}
+
 TEST_F(GateTest, RenewedCertificateIsUsedAndARunningWatchGoesOn) {
   const std::filesystem::path folder = FreshFolder();
   CopyCertificates(Certificates(), folder);
