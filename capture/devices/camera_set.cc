@@ -85,8 +85,7 @@ std::vector<absl::Status> CameraSet::TriggerAll() {
 std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
   std::vector<absl::StatusOr<CameraImage>> images(views_.size());
   const auto fail = [&](size_t source, const absl::Status& status) {
-    const absl::Status error = Failed(source, status);
-    for (const size_t view : places_[source]) images[view] = error;
+    for (const size_t view : places_[source]) images[view] = Failed(source, view, status);
   };
   const std::vector<absl::Status> asked = TriggerAll();
   const absl::Duration begin = RunningNow();
@@ -103,8 +102,10 @@ std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
                                                places_[s].size())));
     } else {
       for (size_t i = 0; i < taken->size(); ++i) {
-        images[places_[s][i]] = std::move((*taken)[i]);
-        ++counts_[places_[s][i]].taken;
+        const size_t view = places_[s][i];
+        absl::StatusOr<CameraImage>& image = (*taken)[i];
+        if (image.ok()) ++counts_[view].taken;
+        images[view] = image.ok() ? std::move(image) : Failed(s, view, image.status());
       }
     }
   }
@@ -120,13 +121,11 @@ absl::StatusOr<std::vector<CameraImage>> CameraSet::Grab() {
   return images;
 }
 
-absl::Status CameraSet::Failed(size_t source, const absl::Status& status) {
-  for (const size_t view : places_[source]) {
-    absl::IsDataLoss(status) ? ++counts_[view].incomplete : ++counts_[view].lost;
-  }
+absl::Status CameraSet::Failed(size_t source, size_t view, const absl::Status& status) {
+  absl::IsDataLoss(status) ? ++counts_[view].incomplete : ++counts_[view].lost;
   std::string message(status.message());
   if (places_[source].size() == 1) {
-    message = absl::StrCat("the camera of the view '", views_[places_[source][0]], "': ", message);
+    message = absl::StrCat("the camera of the view '", views_[view], "': ", message);
   }
   // An image that is not whole may be whole the next time.
   return absl::Status(absl::IsDataLoss(status) ? absl::StatusCode::kUnavailable : status.code(),

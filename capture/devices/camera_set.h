@@ -45,8 +45,8 @@ class CameraSet : public CameraRig {
   // time.
   std::vector<absl::Status> TriggerAll();
 
-  // The error to report for a source that failed; its views count it.
-  absl::Status Failed(size_t source, const absl::Status& status);
+  // The error to report for the image of a view of this source, which it counts.
+  absl::Status Failed(size_t source, size_t view, const absl::Status& status);
 
   const std::vector<std::string> views_;
   std::vector<std::unique_ptr<CameraSource>> sources_;

@@ -83,6 +83,9 @@ class CameraRig {
 // Messages do not name the view of a source that has only one: the caller knows it.
 class CameraSource {
  public:
+  // In the order of views().
+  using EachImage = std::vector<absl::StatusOr<CameraImage>>;
+
   virtual ~CameraSource() = default;
 
   // The views that it takes images of.
@@ -104,11 +107,10 @@ class CameraSource {
 
   // The images, in the order of views(). None of them was taken before Trigger(); `captured` is the
   // earliest moment at which each can have been taken, by this machine's wall clock. `deadline`: by
-  // the running clock. DeadlineExceeded:
-  // an image did not come. DataLoss: it is not whole. Unavailable: the device is not there any
-  // more. OutOfRange: the recording has no more images. After an error the source is as ready as
-  // after a success.
-  virtual absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) = 0;
+  // the running clock. Errors, of one image or of all: DeadlineExceeded: it did not come. DataLoss:
+  // it is not whole. Unavailable: the device is not there any more. OutOfRange: the recording has
+  // no more images. After an error the source is as ready as after a success.
+  virtual absl::StatusOr<EachImage> Wait(absl::Duration deadline) = 0;
 };
 
 }  // namespace silhouette

@@ -108,7 +108,7 @@ class GenicamCamera : public CameraSource {
     return Lost();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
+  absl::StatusOr<EachImage> Wait(absl::Duration deadline) override {
     for (;;) {
       const absl::Duration left = deadline - RunningNow();
       if (left <= absl::ZeroDuration()) break;
@@ -120,8 +120,8 @@ class GenicamCamera : public CameraSource {
       arv_stream_push_buffer(stream_.get(), buffer);
       if (!image.ok()) return image.status();
       if (*image == std::nullopt) continue;
-      std::vector<CameraImage> images;
-      images.push_back(**std::move(image));
+      EachImage images;
+      images.emplace_back(**std::move(image));
       return images;
     }
     overdue_ = true;  // what was asked for may still come

@@ -120,7 +120,7 @@ class GrpcCameras : public CameraSource {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
+  absl::StatusOr<EachImage> Wait(absl::Duration deadline) override {
     if (!Await(deadline)) {
       call_->context.TryCancel();
       Await(absl::InfiniteDuration());
@@ -137,17 +137,18 @@ class GrpcCameras : public CameraSource {
       return Faulty(absl::DataLossError(absl::StrCat("it gave ", call->response.images_size(),
                                                      " images instead of ", views_.size())));
     }
-    std::vector<CameraImage> images;
+    EachImage images;
     for (int i = 0; i < call->response.images_size(); ++i) {
       const v1::DriverImage& message = call->response.images(i);
       const auto captured = CaptureTime(message, call->begin, end);
       auto image = captured.ok() ? ImageOf(message, *captured) : captured.status();
-      if (!image.ok()) {
-        return Faulty(absl::Status(
+      if (image.ok()) {
+        images.push_back(std::move(image));
+      } else {
+        images.push_back(Faulty(absl::Status(
             image.status().code(),
-            absl::StrCat("camera '", request_.cameras(i), "': ", image.status().message())));
+            absl::StrCat("camera '", request_.cameras(i), "': ", image.status().message()))));
       }
-      images.push_back(*std::move(image));
     }
     return images;
   }

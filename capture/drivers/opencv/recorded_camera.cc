@@ -34,9 +34,9 @@ class RecordedCamera : public CameraSource {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration) override {
+  absl::StatusOr<EachImage> Wait(absl::Duration) override {
     ASSIGN_OR_RETURN(const cv::Mat image, next_());
-    return std::vector<CameraImage>{CameraImageOf(image, asked_)};
+    return EachImage{CameraImageOf(image, asked_)};
   }
 
  private:

@@ -71,7 +71,7 @@ class StreamCamera : public CameraSource {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
+  absl::StatusOr<EachImage> Wait(absl::Duration deadline) override {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, absl::ToChronoNanoseconds(deadline - RunningNow()),
                       [&] { return image_.has_value() || !wrong_.ok(); });
@@ -80,8 +80,8 @@ class StreamCamera : public CameraSource {
     if (!image_) {
       return absl::DeadlineExceededError(absl::StrCat("no image within ", SpokenTime(timeout_)));
     }
-    std::vector<CameraImage> images;
-    images.push_back(*std::exchange(image_, std::nullopt));
+    EachImage images;
+    images.emplace_back(*std::exchange(image_, std::nullopt));
     return images;
   }
 

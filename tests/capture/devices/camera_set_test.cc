@@ -47,14 +47,15 @@ class FakeSource : public CameraSource {
     return on_trigger;
   }
 
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration deadline) override {
+  absl::StatusOr<EachImage> Wait(absl::Duration deadline) override {
     log_->push_back("wait " + views_.front());
     deadlines.push_back(deadline);
     if (!on_wait.ok()) return on_wait;
-    std::vector<CameraImage> images;
+    EachImage images;
     for (size_t v = 0; v < views_.size(); ++v) {
-      images.push_back(ImageOf(static_cast<uint8_t>(10 * triggers + static_cast<int>(v))));
+      images.emplace_back(ImageOf(static_cast<uint8_t>(10 * triggers + static_cast<int>(v))));
     }
+    if (!on_last.ok()) images.back() = on_last;
     if (short_of_one) images.pop_back();
     return images;
   }
@@ -65,6 +66,7 @@ class FakeSource : public CameraSource {
   bool short_of_one = false;
   absl::Status on_trigger;
   absl::Status on_wait;
+  absl::Status on_last;  // of the last image alone
   std::vector<absl::Duration> deadlines;
 
  private:
@@ -115,6 +117,17 @@ TEST_F(CameraSetTest, LostImageFailsTheSetAndNamesItsView) {
   EXPECT_EQ(set_->counts()[1].lost, 1u);
   EXPECT_EQ(set_->counts()[1].taken, 0u);
   EXPECT_EQ(set_->counts()[0].taken, 1u);
+}
+
+TEST_F(CameraSetTest, ImageThatFailsAloneLeavesTheOthersOfItsSource) {
+  pair_->on_last = absl::DataLossError("camera 'top': not whole");
+  const auto images = set_->GrabEach();
+  EXPECT_TRUE(absl::IsUnavailable(images[0].status())) << "top";
+  EXPECT_EQ(images[0].status().message(), "camera 'top': not whole");
+  EXPECT_TRUE(images[1].ok() && images[2].ok());
+  EXPECT_EQ(set_->counts()[0].incomplete, 1u);
+  EXPECT_EQ(set_->counts()[0].taken, 0u);
+  EXPECT_EQ(set_->counts()[2].taken, 1u);
 }
 
 TEST_F(CameraSetTest, IncompleteImageIsCountedAndMayBeAskedForAgain) {

@@ -32,7 +32,14 @@ using testing::HasSubstr;
 
 absl::StatusOr<std::vector<CameraImage>> GrpcCameraTake(CameraSource& source) {
   if (absl::Status status = source.Trigger(); !status.ok()) return status;
-  return source.Wait(RunningNow() + source.timeout());
+  auto each = source.Wait(RunningNow() + source.timeout());
+  if (!each.ok()) return each.status();
+  std::vector<CameraImage> images;
+  for (absl::StatusOr<CameraImage>& image : *each) {
+    if (!image.ok()) return image.status();
+    images.push_back(*std::move(image));
+  }
+  return images;
 }
 
 class GrpcCamera : public ServedCell {

@@ -25,7 +25,7 @@ class SimulatedCameras : public CameraSource {
   const std::vector<std::string>& views() const override { return rig_->views(); }
   absl::Duration timeout() const override { return absl::InfiniteDuration(); }
   absl::Status Trigger() override { return absl::OkStatus(); }
-  absl::StatusOr<std::vector<CameraImage>> Wait(absl::Duration) override { return rig_->Grab(); }
+  absl::StatusOr<EachImage> Wait(absl::Duration) override { return rig_->GrabEach(); }
 
  private:
   const std::unique_ptr<CameraRig> rig_;
