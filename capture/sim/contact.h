@@ -81,9 +81,8 @@ class MotionChecker {
 
   MotionChecker(const RobotModel& robot, const ContactChecker& checker);
 
-  // All values in the order of the robot's joints; a continuous joint takes the way that
-  // its values say.
-  // `obstacles`: their poses; they stand still.
+  // All values in the order of the robot's joints; a continuous joint takes the way that its values
+  // say. `obstacles`: their poses; they stand still.
   MotionContact Check(std::span<const double> from, std::span<const double> to,
                       const Poses& obstacles) const;
 

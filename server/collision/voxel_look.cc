@@ -21,7 +21,7 @@ constexpr int kVoxelLookEdge = VoxelGrid::kBlockEdge;
 constexpr double kVoxelLookRounding = 1e-6;
 // Certain pixels farther than this from the centre's are not asked for.
 constexpr int kShapeReach = 15;
-constexpr int kShapeSide = 2 * kShapeReach + 1;
+constexpr size_t kShapeSide = 2 * kShapeReach + 1;
 
 // How finely places and radii are resolved, in steps per pixel: the larger the ball, the less it
 // matters.
@@ -305,8 +305,8 @@ void AndMoved(std::span<const uint64_t> row, int by, int width, std::span<uint64
       return i < 0 || i >= static_cast<int64_t>(row.size()) ? ~uint64_t{0}
                                                             : row[static_cast<size_t>(i)];
     };
-    const int64_t at = place < 0 ? (place - 63) / 64 : place / 64;
-    const auto shift = static_cast<unsigned>(place - at * 64);
+    const int64_t at = place >> 6;  // rounded down
+    const unsigned shift = static_cast<unsigned>(place) & 63;
     return shift == 0 ? word(at) : word(at) >> shift | word(at + 1) << (64 - shift);
   };
   for (size_t i = 0; i < out.size(); ++i) {
@@ -396,8 +396,8 @@ CertainImages::CertainImages(const VoxelSpace::Look& look, const Mask& foregroun
 }
 
 const std::vector<uint64_t>& CertainImages::RunImage(int first, int last) {
-  std::vector<uint64_t>& image =
-      run_images_[static_cast<size_t>((first + kShapeReach) * kShapeSide + last + kShapeReach)];
+  std::vector<uint64_t>& image = run_images_[static_cast<size_t>(first + kShapeReach) * kShapeSide +
+                                             static_cast<size_t>(last + kShapeReach)];
   if (!image.empty()) return image;
   image.assign(foreground_.size(), ~uint64_t{0});
   for (size_t y = 0; y < height_; ++y) {
