@@ -170,7 +170,9 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
         return absl::UnavailableError(absl::StrCat("no host has the name in '", address_,
                                                    "'; correct it, or use the host's IP address"));
       }
-      if (absl::StrContains(status.error_message(), "Socket closed")) {
+      // So ends a connection without TLS to a server that has it, and one to a server that dies.
+      if (absl::StrContains(status.error_message(), "Socket closed") &&
+          !absl::StartsWith(address_, "unix:")) {
         return absl::UnavailableError(
             absl::StrCat("no server answers at ", address_,
                          " without certificates; start silhouette-server or use another address, "

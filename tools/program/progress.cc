@@ -21,7 +21,7 @@ constexpr int kBarWidth = 24;
 // Who waits so long looks at the clock.
 constexpr absl::Duration kClockFrom = absl::Minutes(2);
 
-// By a clock that nobody sets.
+// By a monotonic clock: setting the time of day does not change it.
 absl::Duration Running() {
   return absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
 }

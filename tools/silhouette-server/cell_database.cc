@@ -278,7 +278,7 @@ std::string VoxelsText(const SoundCell& sound, size_t views) {
                              : "");
 }
 
-// To as many parts of one.
+// The least multiple of 1 / parts that is no less.
 double RoundedUp(double value, double parts) { return std::ceil(value * parts) / parts; }
 
 // Of a cell that states the section 'sound'.
@@ -293,8 +293,7 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
     spdlog::warn(
         "the masks resolve only obstacles of about {:.3f} m beside the robot, so much free space "
         "will be blocked: set least_obstacle to more than that, or use masks of {:.2f} times as "
-        "many "
-        "pixels along each side",
+        "many pixels along each side",
         RoundedUp(sound.resolvable_obstacle(), 1000), RoundedUp(sound.mask_scale(), 100));
   }
   if (!sound.open_links().empty()) {

@@ -143,6 +143,15 @@ class OddDriver : public v1::CameraDriverService::Service {
     return GrpcCameraTake(**opened);
   }
 
+  // For two views of its camera.
+  absl::StatusOr<CameraSource::EachImage> GrabbedTwice() {
+    auto opened = OpenGrpcCameras(address_, {{"left", "top", 4, 2}, {"right", "top", 4, 2}},
+                                  absl::Seconds(20));
+    if (!opened.ok()) return opened.status();
+    if (absl::Status status = (*opened)->Trigger(); !status.ok()) return status;
+    return (*opened)->Wait(RunningNow() + (*opened)->timeout());
+  }
+
  private:
   const Answer answer_;
   std::unique_ptr<grpc::Server> server_;
@@ -233,6 +242,28 @@ TEST(CameraDriver, WhatIsNoImageIsTold) {
   for (const OddDriver::Answer& answer : answers) {
     OddDriver driver(answer);
     EXPECT_TRUE(absl::IsDataLoss(driver.Grabbed().status()));
+  }
+}
+
+TEST(CameraDriver, ImageThatFailsLeavesTheOthers) {
+  const std::vector<OddDriver::Answer> answers = {
+      [](v1::GrabResponse& response) {
+        response.add_images()->set_encoded("dear reader");
+        AddImage(response);
+      },
+      [](v1::GrabResponse& response) {
+        SetTime(AddImage(response), absl::Now() + absl::Hours(1));
+        AddImage(response);
+      },
+  };
+  for (const OddDriver::Answer& answer : answers) {
+    OddDriver driver(answer);
+    const auto images = driver.GrabbedTwice();
+    ASSERT_TRUE(images.ok()) << images.status();
+    ASSERT_EQ(images->size(), 2u);
+    EXPECT_THAT((*images)[0].status().message(), HasSubstr("camera 'top': "));
+    ASSERT_TRUE((*images)[1].ok()) << (*images)[1].status();
+    EXPECT_EQ((*images)[1]->pixels[7], '8');
   }
 }
 
