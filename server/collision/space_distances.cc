@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "db/mask/wider_vectors.h"
+#include "server/collision/obstacle_image.h"
 
 namespace silhouette {
 namespace {
@@ -20,22 +21,95 @@ int16_t Between(int apart) {
   return static_cast<int16_t>(edges * edges);
 }
 
-// Eight values, or as many as the processor takes at once.
-using Lanes [[gnu::vector_size(32), gnu::may_alias, gnu::aligned(2)]] = int16_t;
+// Values of a row that are worked on together.
+using Lanes [[gnu::vector_size(64), gnu::may_alias, gnu::aligned(64)]] = int16_t;
 constexpr size_t kLanes = sizeof(Lanes) / sizeof(int16_t);
-static_assert(VoxelGrid::kBlockEdge * sizeof(int16_t) == sizeof(Lanes) / 2);
+struct alignas(Lanes) LanesOfRow {
+  std::array<int16_t, kLanes> values{};
+};
 
-// best = min(best, from + more), value by value.
-SILHOUETTE_WIDER_VECTORS
-void Lower(std::span<int16_t> best, std::span<const int16_t> from, int16_t more) {
-  size_t i = 0;
-  for (; i + kLanes <= best.size(); i += kLanes) {
-    Lanes& into = *reinterpret_cast<Lanes*>(best.data() + i);
-    const Lanes other = *reinterpret_cast<const Lanes*>(from.data() + i) + more;
-    into = other < into ? other : into;
+// Squares by place, in rows along x that are filled up to whole Lanes.
+class Squares {
+ public:
+  Squares(int width, int height, int depth, int16_t most)
+      : width_(static_cast<size_t>(width)),
+        height_(static_cast<size_t>(height)),
+        lanes_((width_ + kLanes - 1) / kLanes),
+        values_(lanes_ * height_ * static_cast<size_t>(depth)) {
+    for (int z = 0; z < depth; ++z) {
+      for (int y = 0; y < height; ++y) std::ranges::fill(Row(y, z), most);
+    }
   }
-  for (; i < best.size(); ++i) {
-    best[i] = std::min(best[i], static_cast<int16_t>(from[i] + more));
+
+  std::span<int16_t> Row(int y, int z) {
+    return {reinterpret_cast<int16_t*>(&First(y, z)), width_};
+  }
+
+  // Rows of one y or z, one after another.
+  struct Line {
+    LanesOfRow* first = nullptr;
+    int rows = 0;
+    size_t apart = 0;  // of rows, in Lanes
+    size_t lanes = 0;  // of a row
+  };
+  Line AlongY(int z) { return {&First(0, z), static_cast<int>(height_), lanes_, lanes_}; }
+  Line AlongZ(int y) {
+    const size_t plane = lanes_ * height_;
+    return {&First(y, 0), static_cast<int>(values_.size() / plane), plane, lanes_};
+  }
+
+ private:
+  LanesOfRow& First(int y, int z) {
+    return values_[(static_cast<size_t>(z) * height_ + static_cast<size_t>(y)) * lanes_];
+  }
+
+  size_t width_;
+  size_t height_;
+  size_t lanes_;  // of a row
+  std::vector<LanesOfRow> values_;
+};
+
+// Each row of `to` = the least of all rows of `from`, value by value, each with the square between
+// the two; row 0 of `to` is at the place of row `first` of `from`. Values are at most
+// Between(reach).
+SILHOUETTE_WIDER_VECTORS
+void LeastOfRows(const Squares::Line& from, int first, int reach, const Squares::Line& to) {
+  constexpr int kBetweenLooks = 4;
+  for (size_t x = 0; x < from.lanes; ++x) {
+    const auto* const rows = reinterpret_cast<const Lanes*>(from.first + x);
+    Lanes least_of_all = rows[0];
+    for (int row = 1; row < from.rows; ++row) {
+      const Lanes& other = rows[static_cast<size_t>(row) * from.apart];
+      least_of_all = other < least_of_all ? other : least_of_all;
+    }
+    for (int row = 0; row < to.rows; ++row) {
+      const int at = first + row;
+      const Lanes* before = rows + static_cast<size_t>(at) * from.apart;
+      const Lanes* behind = before;
+      Lanes least = *before;
+      for (int apart = 1; apart < reach; ++apart) {
+        const int16_t between = Between(apart);
+        if (apart % kBetweenLooks == 1) {  // may rows from here on be less?
+          const Lanes more = least > least_of_all + between;
+          uint64_t any = 0;
+          for (const uint64_t word : std::bit_cast<std::array<uint64_t, sizeof(Lanes) / 8>>(more)) {
+            any |= word;
+          }
+          if (any == 0) break;
+        }
+        if (apart <= at) {
+          before -= from.apart;
+          const Lanes square = *before + between;
+          least = square < least ? square : least;
+        }
+        if (apart < from.rows - at) {
+          behind += from.apart;
+          const Lanes square = *behind + between;
+          least = square < least ? square : least;
+        }
+      }
+      reinterpret_cast<Lanes*>(to.first + x)[static_cast<size_t>(row) * to.apart] = least;
+    }
   }
 }
 
@@ -73,51 +147,6 @@ void AlongRow(std::span<const uint64_t> row, const NearSquares& near, std::span<
   }
   copy(near.onwards, 1, after, width);
 }
-
-// Rows along x, of `height` in each plane, and the least value of each.
-class Rows {
- public:
-  Rows(int width, int height, int depth, int16_t most)
-      : width_(static_cast<size_t>(width)),
-        height_(static_cast<size_t>(height)),
-        most_(most),
-        least_(height_ * static_cast<size_t>(depth), most),
-        values_(width_ * least_.size(), most) {}
-
-  void Set(int y, int z, std::span<const int16_t> values) {
-    std::ranges::copy(values, At(y, z).begin());
-    least_[Number(y, z)] = *std::ranges::min_element(values);
-  }
-  // How far away, in rows, others could be lowered by a row and the square between.
-  int Reach(int y, int z) const {
-    int reach = 0;
-    while (least_[Number(y, z)] + Between(reach) < most_) ++reach;
-    return reach;
-  }
-  // By a row of others, `apart` rows away.
-  void LowerBy(Rows& others, int other_y, int other_z, int y, int z, int apart) {
-    const int16_t between = Between(std::abs(apart));
-    Lower(At(y, z), others.At(other_y, other_z), between);
-    int16_t& least = least_[Number(y, z)];
-    least = std::min(
-        least, static_cast<int16_t>(others.least_[others.Number(other_y, other_z)] + between));
-  }
-  std::vector<int16_t> values() && { return std::move(values_); }
-
- private:
-  size_t Number(int y, int z) const {
-    return static_cast<size_t>(z) * height_ + static_cast<size_t>(y);
-  }
-  std::span<int16_t> At(int y, int z) {
-    return std::span(values_).subspan(Number(y, z) * width_, width_);
-  }
-
-  size_t width_;
-  size_t height_;
-  int16_t most_;
-  std::vector<int16_t> least_;
-  std::vector<int16_t> values_;
-};
 
 }  // namespace
 
@@ -188,40 +217,31 @@ void SpaceDistances::FillMap(const VoxelSet& voxels) {
   const int reach = static_cast<int>(std::ceil(edges)) + 1;  // places apart that count
   const int16_t most = Between(reach);
   // Squares along x, of the rows of the whole grid.
-  const auto first_x = static_cast<size_t>(first_.x());
-  const auto width = static_cast<size_t>(size_.x());
-  Rows along_x(size_.x(), grid_.size(1), grid_.size(2), most);
+  Squares along_x(size_.x(), grid_.size(1), grid_.size(2), most);
   std::vector<int16_t> whole_row(static_cast<size_t>(grid_.size(0)));
   const NearSquares near(grid_.size(0), most);
   for (int z = 0; z < grid_.size(2); ++z) {
     for (int y = 0; y < grid_.size(1); ++y) {
       const auto row = voxels.row(y, z);
-      if (std::ranges::all_of(row, [](uint64_t word) { return word == 0; })) continue;
+      if (NothingSet(row)) continue;
       AlongRow(row, near, whole_row);
-      along_x.Set(y, z, std::span(whole_row).subspan(first_x, width));
+      std::copy_n(whole_row.begin() + first_.x(), size_.x(), along_x.Row(y, z).begin());
     }
   }
-  // Along y, then along z: rows near by, each with the square between.
-  const auto for_near = [](int at, int rows, int end, const auto& visit) {
-    for (int to = std::max(at - rows + 1, 0); to < std::min(at + rows, end); ++to) visit(to);
-  };
-  Rows along_y(size_.x(), size_.y(), grid_.size(2), most);
+  Squares along_y(size_.x(), size_.y(), grid_.size(2), most);
   for (int z = 0; z < grid_.size(2); ++z) {
-    for (int y = 0; y < grid_.size(1); ++y) {
-      const int at = y - first_.y();
-      for_near(at, along_x.Reach(y, z), size_.y(),
-               [&](int to) { along_y.LowerBy(along_x, y, z, to, z, to - at); });
-    }
+    LeastOfRows(along_x.AlongY(z), first_.y(), reach, along_y.AlongY(z));
   }
-  Rows along_z(size_.x(), size_.y(), size_.z(), most);
-  for (int z = 0; z < grid_.size(2); ++z) {
+  Squares along_z(size_.x(), size_.y(), size_.z(), most);
+  for (int y = 0; y < size_.y(); ++y) {
+    LeastOfRows(along_y.AlongZ(y), first_.z(), reach, along_z.AlongZ(y));
+  }
+  for (int z = 0; z < size_.z(); ++z) {
     for (int y = 0; y < size_.y(); ++y) {
-      const int at = z - first_.z();
-      for_near(at, along_y.Reach(y, z), size_.z(),
-               [&](int to) { along_z.LowerBy(along_y, y, z, y, to, to - at); });
+      const std::span<const int16_t> row = along_z.Row(y, z);
+      squares_.insert(squares_.end(), row.begin(), row.end());
     }
   }
-  squares_ = std::move(along_z).values();
 }
 
 double SpaceDistances::ToUnknown(const Eigen::Vector3d& point) const {
