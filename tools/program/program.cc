@@ -203,7 +203,9 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
 int RunProgram(CLI::App& app, int argc, char** argv, const Work& work) {
   return RunProgram(app, argc, argv, [&]() -> int {
     const absl::StatusOr<ExitCode> result = work();
-    return result.ok() ? *result : Report(app.get_name(), result.status());
+    if (result.ok()) return *result;
+    const ExitCode code = Report(app.get_name(), result.status());
+    return StopRequested() ? kStopped : code;
   });
 }
 

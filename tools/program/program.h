@@ -41,7 +41,8 @@ void EndOnLostPages(const std::string& program);
 // sentence too: std::invalid_argument kUserMistake, any other kWorldFailed.
 int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>& run);
 
-// What a chosen subcommand does. RunProgram reports an error status and returns its exit code.
+// What a chosen subcommand does. RunProgram reports an error status and returns its exit code, or
+// kStopped if a stop was requested.
 using Work = std::function<absl::StatusOr<ExitCode>()>;
 int RunProgram(CLI::App& app, int argc, char** argv, const Work& work);
 

@@ -59,11 +59,9 @@ absl::StatusOr<Figures> CalibrationMeasure(uint64_t seed) {
 }
 
 absl::StatusOr<std::vector<Figures>> MeasureAll(const CalibrationArguments& arguments) {
-  CatchStopSignals();
   std::vector<Figures> runs;
   Progress progress("calibrating", static_cast<uint64_t>(arguments.runs), "runs");
   for (int run = 0; run < arguments.runs; ++run) {
-    if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
     ASSIGN_OR_RETURN(const auto figures,
                      CalibrationMeasure(arguments.seed + static_cast<uint64_t>(run)));
     runs.push_back(figures);
@@ -111,7 +109,6 @@ struct ErrorTable {
 };
 
 absl::StatusOr<ErrorTable> MeasureErrorTable(const CalibrationArguments& arguments) {
-  CatchStopSignals();
   ErrorTable table;
   for (const ErrorLine& line : ErrorLines()) table.rows.push_back({.line = &line});
   uint64_t done = 0;
@@ -119,7 +116,6 @@ absl::StatusOr<ErrorTable> MeasureErrorTable(const CalibrationArguments& argumen
   Progress progress("calibrating", runs * table.rows.size(), "sessions");
   for (uint64_t seed = arguments.seed; seed < arguments.seed + runs; ++seed) {
     for (ErrorTable::Row& row : table.rows) {
-      if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
       absl::Status lenses = MeasureLensLine(*row.line, seed, table.mrcal, row.lenses);
       if (absl::IsNotFound(lenses)) {
         table.mrcal = false;
@@ -201,14 +197,12 @@ nlohmann::ordered_json ErrorJsonOf(const ErrorTable& table) {
 
 // By BoardLines().
 absl::StatusOr<std::vector<BoardResult>> MeasureBoards(const CalibrationArguments& arguments) {
-  CatchStopSignals();
   std::vector<BoardResult> results(BoardLines().size());
   const auto runs = static_cast<uint64_t>(arguments.runs);
   uint64_t done = 0;
   Progress progress("calibrating", runs * results.size(), "sessions");
   for (uint64_t seed = arguments.seed; seed < arguments.seed + runs; ++seed) {
     for (size_t i = 0; i < results.size(); ++i) {
-      if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
       RETURN_IF_ERROR(MeasureBoardLine(BoardLines()[i], arguments.images, seed, results[i]));
       progress.Update(++done);
     }

@@ -194,11 +194,15 @@ std::string DifferenceOf(const ServedDatabase& captured, const ServedDatabase& d
       100 * less / pixels, 100 * more / pixels);
 }
 
+absl::Status Stopped() {
+  return absl::CancelledError("stopped; run the same command again, the database is complete");
+}
+
 // Cancelled after a stop signal.
 absl::Status RunScenes(Explainer& explainer, int count, Experiment& experiment) {
   Progress progress(experiment.name, static_cast<uint64_t>(count), "scenes");
   for (int i = 0; i < count; ++i) {
-    if (StopRequested()) return absl::CancelledError();
+    if (StopRequested()) return Stopped();
     ASSIGN_OR_RETURN(SceneRecord record,
                      RunScene(*experiment.setting, explainer, experiment.source, i));
     experiment.records.push_back(std::move(record));
@@ -328,7 +332,7 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
   }
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
   const NamedScenes near = NearScenes(workplace, arguments);
-  if (StopRequested()) return absl::CancelledError();
+  if (StopRequested()) return Stopped();
   SayHowManyWereFound("hidden", hidden.size(), arguments.hidden);
   size_t near_found = 0;
   for (const auto& [name, scenes] : near) near_found += scenes.size();
@@ -367,18 +371,8 @@ absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
   ASSIGN_OR_RETURN(const auto workplace,
                    SimulatedWorkplace::Load(arguments.cell, arguments.database));
   CatchStopSignals();
-  const auto database = OpenDatabase(arguments, workplace);
-  if (absl::IsCancelled(database.status())) {
-    std::cerr << database.status().message() << std::endl;
-    return kNo;
-  }
-  if (!database.ok()) return database.status();
-  const auto code = Test(arguments, workplace, **database);
-  if (absl::IsCancelled(code.status())) {
-    std::cerr << "stopped; run the same command again, the database is complete" << std::endl;
-    return kNo;
-  }
-  return code;
+  ASSIGN_OR_RETURN(const auto database, OpenDatabase(arguments, workplace));
+  return Test(arguments, workplace, *database);
 }
 
 }  // namespace

@@ -244,12 +244,9 @@ void WarnOfLatency(const Cell& cell) {
   }
 }
 
-// Opens the devices that the cell's file names and publishes scenes to `server`, which must outlive
-// it. `obstacles`: a file of the obstacles in a simulated cell; empty: none. Errors: those of
-// OpenersOf and LiveLoop::Start.
-absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std::string& obstacles,
-                                                    std::shared_ptr<LiveRecord> record,
-                                                    Server& server) {
+// The devices of a live server. `obstacles`: a file of the obstacles in a simulated cell; empty:
+// none. Errors: those of OpenersOf, and what a live server cannot do.
+absl::StatusOr<CellOpeners> LiveDevicesOf(const Cell& cell, const std::string& obstacles) {
   const auto* manual = std::get_if<ManualRobotSettings>(&cell.robot.driver);
   if (manual != nullptr && std::holds_alternative<std::monostate>(manual->read)) {
     return absl::InvalidArgumentError(
@@ -257,18 +254,24 @@ absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, const std:
                      ": robot.driver: --live needs a robot that reports its joints all the time; "
                      "'manual' only asks people for them: give it 'read'"));
   }
-  std::optional<Travel> travel;
   try {
-    travel.emplace(cell.grid, cell.capture.forbidden_regions);
+    const Travel travel(cell.grid, cell.capture.forbidden_regions);
+    return OpenersOf(cell, travel, obstacles);
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
+}
+
+// Opens the devices and publishes scenes to `server`, which must outlive it. Errors: those of
+// LiveLoop::Start.
+absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, CellOpeners devices,
+                                                    std::shared_ptr<LiveRecord> record,
+                                                    Server& server) {
   WarnOfLatency(cell);
-  ASSIGN_OR_RETURN(CellOpeners openers, OpenersOf(cell, *travel, obstacles));
   LiveConfig config = LiveConfigOf(cell);
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return LiveLoop::Start(
-      config, {.open_cameras = std::move(openers.cameras), .open_robot = std::move(openers.robot)},
+      config, {.open_cameras = std::move(devices.cameras), .open_robot = std::move(devices.robot)},
       {.database = [&server] { return server.database(); },
        .publish = [&server](
                       Scene scene,
@@ -334,6 +337,12 @@ absl::Status Serve(const Options& options, Signals& signals) {
   cell.server.gate.insecure = options.insecure;
   RETURN_IF_ERROR(CheckListenAddress(listen));
   RETURN_IF_ERROR(CheckGate(listen, cell.server.gate));
+  // What can be wrong is said before the database is loaded, which may take minutes.
+  if (cell.server.gate.tls) RETURN_IF_ERROR(ReadTls(*cell.server.gate.tls).status());
+  std::optional<CellOpeners> devices;
+  if (options.live) {
+    ASSIGN_OR_RETURN(devices, LiveDevicesOf(cell, options.obstacles));
+  }
   const std::string& path = cell.database;
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
   signals.Loaded();
@@ -379,7 +388,7 @@ absl::Status Serve(const Options& options, Signals& signals) {
   }
   std::unique_ptr<LiveLoop> live;
   if (options.live) {
-    ASSIGN_OR_RETURN(live, StartLive(cell, options.obstacles, live_record, *server));
+    ASSIGN_OR_RETURN(live, StartLive(cell, *std::move(devices), live_record, *server));
   }
   std::cout << "listening on " << server->address() << std::endl;
   spdlog::info("serving cell '{}' on {}", cell.name, server->address());

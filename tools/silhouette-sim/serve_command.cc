@@ -67,6 +67,8 @@ absl::StatusOr<ExitCode> Serve(const ServeArguments& arguments) {
   }
   ASSIGN_OR_RETURN(auto settings, SimulationOf(workplace.cell));
   const auto simulation = std::make_shared<SimulatedCell>(workplace.robot, std::move(settings));
+  // With noise of its own, as cameras that are started again have: repeated images are frozen ones.
+  simulation->SetFrame(static_cast<uint64_t>(absl::ToUnixMicros(absl::Now())));
   simulation->SetRobotPresent(!arguments.without_robot);
   simulation->SetObstacles(std::move(workplace.obstacles));
   RETURN_IF_ERROR(PlaceRobot(workplace, *simulation));

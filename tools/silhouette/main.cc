@@ -50,10 +50,7 @@ int Main(int argc, char** argv) {
   std::vector<std::string> arguments = WithNumbersSpeltOut(argc, argv);
   std::vector<char*> pointers;
   for (std::string& argument : arguments) pointers.push_back(argument.data());
-  return RunProgram(app, argc, pointers.data(), [&]() -> int {
-    const absl::StatusOr<ExitCode> code = session.run();
-    return code.ok() ? *code : Report("silhouette", code.status());
-  });
+  return RunProgram(app, argc, pointers.data(), [&] { return session.run(); });
 }
 
 }  // namespace

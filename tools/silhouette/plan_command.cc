@@ -200,7 +200,7 @@ std::string PlanTextOf(const Session& session, TypedJoints& joints, const Findin
   return text;
 }
 
-absl::StatusOr<ExitCode> PlanUnlessStopped(const Session& session, const PlanArguments& arguments) {
+absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto database, client.GetDatabase());
@@ -236,13 +236,6 @@ absl::StatusOr<ExitCode> PlanUnlessStopped(const Session& session, const PlanArg
   if (!status.ok()) return status;
   PrintResult(session.format, PlanJsonOf(findings), PlanTextOf(session, joints, findings));
   return findings.found() ? kDone : kNo;
-}
-
-absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
-  auto code = PlanUnlessStopped(session, arguments);
-  if (code.ok() || !StopRequested()) return code;
-  Report("silhouette", code.status());
-  return kStopped;
 }
 
 }  // namespace

@@ -29,7 +29,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-int RunTester(std::vector<std::string> arguments, const std::function<int()>& run) {
+template <typename Run>
+int RunTester(std::vector<std::string> arguments, const Run& run) {
   CLI::App app("A test", "tester");
   arguments.insert(arguments.begin(), "tester");
   std::vector<char*> argv;
@@ -238,11 +239,13 @@ TEST(Program, NameThatIsTooLongForAFileIsTheUsersMistake) {
             "tester: '" + path + "': a name is too long; shorten it to 255 characters\n");
 }
 
-TEST(Program, StopSignalIsNoticedAndDoesNotEndTheProcess) {
+TEST(Program, StopSignalIsNoticedAndErrorsAfterItHaveAnExitCodeOfTheirOwn) {
   CatchStopSignals();
   EXPECT_FALSE(StopRequested());
   std::raise(SIGINT);
   EXPECT_TRUE(StopRequested());
+  EXPECT_EQ(RunTester({}, []() -> absl::StatusOr<ExitCode> { return absl::AbortedError(""); }),
+            130);
 }
 
 TEST(Progress, EndsWithALineThatTellsWhatWasDone) {

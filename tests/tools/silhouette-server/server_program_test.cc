@@ -322,6 +322,23 @@ TEST_F(ServerProgramTest, TellsInItsLogWhoAllowsARegionAndWhenItEnds) {
   EXPECT_THAT(program.Errors(), Not(HasSubstr("region 'other' has ended")));
 }
 
+TEST_F(ServerProgramTest, FilesThatAreMissingAreNamedBeforeTheDatabaseIsLoaded) {
+  const auto complaint = [this](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(),
+                     {"--database", folder / "not_yet", "--listen", "127.0.0.1:0"});
+    ServerProgram program(folder, arguments);
+    EXPECT_EQ(program.ExitCode(), 2);
+    return program.Errors();
+  };
+  EXPECT_THAT(complaint({"--cell", SourceFolder() + "/capture/sim/cells/demo/cell.yaml", "--live",
+                         "--simulated-obstacles", "no_obstacles.yaml"}),
+              HasSubstr("no_obstacles.yaml"));
+  WriteFile(cell, absl::StrCat(kServerTestCellFile,
+                               "server: {tls: {certificate: no.pem, key: no.key, client_ca: "
+                               "no.pem}, roles: {planner: [planner]}}\n"));
+  EXPECT_THAT(complaint({"--cell", cell}), HasSubstr("no.pem"));
+}
+
 TEST_F(ServerProgramTest, CertificatesOfTheToolLetAPlannerCheckAndNotPublish) {
   const std::string made =
       SourceFolder() + "/tools/certificates '" + folder.string() + "' 127.0.0.1 > /dev/null";
