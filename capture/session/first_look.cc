@@ -72,8 +72,10 @@ std::string FirstLook::Add(ConfigurationNumber number, const std::vector<Mask>& 
 }
 
 std::string FirstLook::Compare(ConfigurationNumber number, const std::vector<Mask>& masks,
-                               const std::vector<Mask>& expected) const {
+                               const std::vector<Mask>& expected) {
+  if (always_robot_.empty()) always_robot_ = expected;
   for (size_t view = 0; view < masks.size(); ++view) {
+    always_robot_[view] = always_robot_[view] & expected[view];
     const size_t drawn = expected[view].Count();
     if (drawn < LeastArea(masks[view])) continue;
     const auto seen = static_cast<double>(CountCommon(masks[view].words(), expected[view].words()));
@@ -101,7 +103,7 @@ Mask FirstLook::Apart(size_t view) const {
   const Mask about = Grown(always, 1);
   Mask apart = always;
   for (const std::vector<Mask>& masks : masks_) apart = apart & AreasWithin(masks[view], about);
-  return apart;
+  return always_robot_.empty() ? apart : apart & ~Grown(always_robot_[view], 1);
 }
 
 std::string FirstLook::Judge() const {
@@ -132,7 +134,8 @@ std::string FirstLook::Judge() const {
   return absl::StrCat(Configurations(), ": something in ", Quoted(apart),
                       " is always foreground and apart from the robot that moves. The robot, or a "
                       "person, stands in the reference images, or something was put into the cell "
-                      "since; take the reference images again",
+                      "since; take the reference images again. If it is a fixed part of the robot, "
+                      "a URDF and a calibration in the database show that it is",
                       kHowToGoOn);
 }
 

@@ -29,7 +29,7 @@ class FirstLook {
   // Whether the masks show the robot where it must be: `expected` by view, as large
   // (DrawnRobot). What is wrong, in one sentence; empty: nothing.
   std::string Compare(ConfigurationNumber number, const std::vector<Mask>& masks,
-                      const std::vector<Mask>& expected) const;
+                      const std::vector<Mask>& expected);
 
   // What is wrong with all of them together, at least two: nothing moves with the robot, or
   // something beside it is always foreground, as where the robot stands in the reference image too.
@@ -38,7 +38,8 @@ class FirstLook {
  private:
   size_t LeastArea(const Mask& mask) const;
   std::string Configurations() const;
-  // In one view: whether nothing moves; what is always there, apart from all that moves.
+  // In one view: whether nothing moves; what is always there, apart from all that moves, and no
+  // fixed part of the robot.
   bool Still(size_t view) const;
   Mask Apart(size_t view) const;
 
@@ -46,6 +47,7 @@ class FirstLook {
   const std::vector<std::string> views_;
   std::vector<ConfigurationNumber> numbers_;
   std::vector<std::vector<Mask>> masks_;  // by configuration, then by view
+  std::vector<Mask> always_robot_;        // by view, of all that is expected; empty: not known
 };
 
 }  // namespace silhouette

@@ -192,6 +192,25 @@ TEST_F(FirstLookAtMasksTest, BaseThatTheArmJoinsIsTheRobot) {
   EXPECT_EQ(Found(2, base), "");
 }
 
+TEST_F(FirstLookAtMasksTest, FixedPartOfTheModelThatStandsApartIsTheRobotAndNothingElseIs) {
+  for (const bool of_the_model : {true, false}) {
+    FirstLook look({}, {"front", "side"});
+    for (int i = 0; i < 3; ++i) {
+      const Mask arm = Box(10 + 8 * i, 10, 6, 20);
+      const Mask seen = arm | Box(2, 30, 5, 5);
+      const Mask expected = of_the_model ? arm | Box(3, 31, 3, 3) : arm;
+      const auto number = static_cast<ConfigurationNumber>(i);
+      EXPECT_EQ(look.Add(number, {seen, seen}), "");
+      EXPECT_EQ(look.Compare(number, {seen, seen}, {expected, expected}), "");
+    }
+    if (of_the_model) {
+      EXPECT_EQ(look.Judge(), "");
+    } else {
+      EXPECT_THAT(look.Judge(), HasSubstr("apart from the robot"));
+    }
+  }
+}
+
 TEST_F(FirstLookAtMasksTest, ViewThatNeverSeesTheRobotIsNoMotion) {
   FirstLook look({}, {"sees", "does not"});
   for (const ConfigurationNumber number : {1, 2}) {
