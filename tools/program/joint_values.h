@@ -37,8 +37,8 @@ std::pair<std::string, double> ParseJoint(std::string_view text,
                                           AngleUnit unit = AngleUnit::kRadians,
                                           std::optional<bool> slides = std::nullopt);
 
-// What to add where values in radians are outside a grid: a question if degrees seem to be meant,
-// else nothing. `or_else`: what else mends it, as ", or give --degrees"; `slides`: of each joint,
+// What to add to a verdict on values in radians: a question if degrees seem to be meant, else
+// nothing. `or_else`: what else mends it, as ", or give --degrees"; `slides`: of each joint,
 // whose values are metres then.
 std::string DegreesHint(std::span<const double> values, std::string_view or_else = "",
                         std::span<const std::optional<bool>> slides = {});

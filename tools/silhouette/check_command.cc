@@ -90,7 +90,7 @@ std::string CheckTextOf(const Session& session, TypedJoints& joints,
   for (size_t i = 0; i < configurations.size(); ++i) {
     absl::StrAppend(&text, i < typed.size() ? joints.Spoken(typed[i]) : Spoken(configurations[i]),
                     ": ", Spoken(checks.verdicts[i], checks.basis),
-                    UnitHint(session, joints, {configurations[i]}, {checks.verdicts[i]}), "\n");
+                    UnitHint(session, joints, {configurations[i]}), "\n");
   }
   absl::StrAppend(&text, Spoken(checks.basis), "\n");
   if (times.empty()) return text;
@@ -325,7 +325,7 @@ absl::StatusOr<ExitCode> Explain(const Session& session, const ExplainArguments&
   ASSIGN_OR_RETURN(const Configuration configuration, joints.Parse(arguments.configuration));
   ASSIGN_OR_RETURN(const auto explanation, client.Explain(configuration, session.policy));
   const std::string typed = joints.Spoken(arguments.configuration);
-  const std::string hint = UnitHint(session, joints, {configuration}, {explanation.verdict});
+  const std::string hint = UnitHint(session, joints, {configuration});
   if (!arguments.out.empty()) {
     ASSIGN_OR_RETURN(const v1::GetDatabaseResponse database, client.GetDatabase());
     ASSIGN_OR_RETURN(const ExplanationNotes notes,

@@ -86,13 +86,12 @@ void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what
 }
 
 std::string UnitHint(const Session& session, TypedJoints& joints,
-                     const std::vector<Configuration>& configurations,
-                     const std::vector<client::Verdict>& verdicts) {
+                     const std::vector<Configuration>& configurations) {
   std::string hint;
-  for (size_t i = 0; i < verdicts.size() && hint.empty(); ++i) {
-    if (session.unit == AngleUnit::kDegrees) break;
-    if (verdicts[i].reason != client::Reason::kOutsideGrid) continue;
-    hint = DegreesHint(configurations[i], ", or give --degrees", joints.Slides());
+  for (const Configuration& q : configurations) {
+    if (session.unit == AngleUnit::kDegrees || !hint.empty()) break;
+    if (DegreesHint(q).empty()) continue;  // whatever slides
+    hint = DegreesHint(q, ", or give --degrees", joints.Slides());
   }
   return hint;
 }

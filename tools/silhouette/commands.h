@@ -48,11 +48,9 @@ void AddClearanceFlag(CLI::App& command, Session& session);
 // --degrees. `what`: the values that it is for.
 void AddDegreesFlag(CLI::App& command, Session& session, const std::string& what = "Values");
 
-// What to add to the verdicts on configurations: whether degrees are meant where one is outside the
-// grid.
+// What to add to the verdicts on configurations: whether degrees are meant by more than two turns.
 std::string UnitHint(const Session& session, TypedJoints& joints,
-                     const std::vector<Configuration>& configurations,
-                     const std::vector<client::Verdict>& verdicts);
+                     const std::vector<Configuration>& configurations);
 
 // --resolution, of CheckPath, metres.
 void AddResolutionOption(CLI::App& command, std::optional<double>& resolution);

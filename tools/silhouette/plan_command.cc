@@ -182,9 +182,7 @@ std::string PlanTextOf(const Session& session, TypedJoints& joints, const Findin
     absl::StrAppend(&text, Spoken(*findings.check), ", ", Spoken(findings.check->basis), "\n");
   } else {
     text = absl::StrCat("no path: ", OutcomeText(findings),
-                        UnitHint(session, joints, {findings.start, findings.goal},
-                                 {findings.at_start, findings.at_goal}),
-                        "\n");
+                        UnitHint(session, joints, {findings.start, findings.goal}), "\n");
   }
   if (!findings.truth) return text;
   const Judgement judgement = Judge(findings.space, *findings.truth);

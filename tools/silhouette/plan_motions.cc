@@ -127,8 +127,7 @@ absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& cli
             {"hidden_possible", plan.check ? Json(plan.check->verdict.hidden_possible) : Json()}};
   json.update(JsonOf(plan.check ? plan.check->basis : plan.ends.basis));
   TypedJoints typed(session.unit, [&] { return database; });
-  PrintResult(session.format, json,
-              MotionPlanText(plan, UnitHint(session, typed, {start, goal}, plan.ends.verdicts)));
+  PrintResult(session.format, json, MotionPlanText(plan, UnitHint(session, typed, {start, goal})));
   return plan.found() ? kDone : kNo;
 }
 

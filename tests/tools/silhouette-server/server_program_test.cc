@@ -23,6 +23,7 @@
 #include "silhouette/v1/scene_service.grpc.pb.h"
 #include "tests/folders.h"
 #include "tests/server/test_cell.h"
+#include "tests/shell.h"
 #include "tests/tools/silhouette-server/server_program.h"
 #include "tools/cell/cell.h"
 
@@ -320,6 +321,21 @@ TEST_F(ServerProgramTest, TellsInItsLogWhoAllowsARegionAndWhenItEnds) {
       AllOf(HasSubstr("allows region 'part' for 200 ms: 9 pixels in 'top'"),
             HasSubstr("allowed region 'part' has ended"), HasSubstr("revokes region 'other'")));
   EXPECT_THAT(program.Errors(), Not(HasSubstr("region 'other' has ended")));
+}
+
+TEST_F(ServerProgramTest, ClientAsksWhetherDegreesAreMeantAlsoWhereAJointTurnsForever) {
+  GiveModelAndCameras("", "");
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const auto said = [&](const std::string& values) {
+    const std::string command =
+        absl::StrCat(ProgramFolder(), "/silhouette --server ", program.Address(), " check ", values,
+                     " > '", (folder / "said").string(), "'");
+    EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 1);
+    return ContentOf(folder / "said");
+  };
+  EXPECT_THAT(said("0,-45"), HasSubstr("did you mean degrees?"));
+  EXPECT_THAT(said("20,0"), Not(HasSubstr("degrees"))) << "metres";
 }
 
 TEST_F(ServerProgramTest, FilesThatAreMissingAreNamedBeforeTheDatabaseIsLoaded) {
