@@ -34,6 +34,7 @@ class Squares {
   Squares(int width, int height, int depth, int16_t most)
       : width_(static_cast<size_t>(width)),
         height_(static_cast<size_t>(height)),
+        depth_(depth),
         lanes_((width_ + kLanes - 1) / kLanes),
         values_(lanes_ * height_ * static_cast<size_t>(depth)) {
     for (int z = 0; z < depth; ++z) {
@@ -53,10 +54,7 @@ class Squares {
     size_t lanes = 0;  // of a row
   };
   Line AlongY(int z) { return {&First(0, z), static_cast<int>(height_), lanes_, lanes_}; }
-  Line AlongZ(int y) {
-    const size_t plane = lanes_ * height_;
-    return {&First(y, 0), static_cast<int>(values_.size() / plane), plane, lanes_};
-  }
+  Line AlongZ(int y) { return {&First(y, 0), depth_, lanes_ * height_, lanes_}; }
 
  private:
   LanesOfRow& First(int y, int z) {
@@ -65,6 +63,7 @@ class Squares {
 
   size_t width_;
   size_t height_;
+  int depth_;
   size_t lanes_;  // of a row
   std::vector<LanesOfRow> values_;
 };
