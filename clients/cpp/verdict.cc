@@ -56,10 +56,10 @@ Words WordsFor(Reason reason) {
     case Reason::kRegionEnded:
       return {"region ended", "an allowed region ended while the answer was made: ask again"};
     case Reason::kCalibrationDoubtful:
-      return {
-          "calibration doubtful",
-          "a camera moved, or no recent check confirms the calibration: run 'silhouette-calibrate "
-          "check', calibrate again, or request the preset uncalibrated"};
+      return {"calibration doubtful",
+              "a camera moved, no recent check confirms the calibration, or robot images "
+              "contradict it: "
+              "see the defects, calibrate again, or request the preset uncalibrated"};
     case Reason::kVariantUnknown:
       return {"variant unknown",
               "the robot's variant is unknown: see the scene's defects (silhouette scene show)"};

@@ -52,9 +52,10 @@ std::string WrongViews(const CalibrationTrust& trust, const ServedDatabase& data
 }  // namespace
 
 std::optional<std::string> CalibrationDoubt(const Served& served, const Moment& now) {
+  const ServedDatabase& database = *served.database;
+  if (!database.calibration_doubt().empty()) return database.calibration_doubt();
   if (served.trust == nullptr) return std::nullopt;
   const CalibrationTrust& trust = *served.trust;
-  const ServedDatabase& database = *served.database;
   if (!trust.holds) return trust.message;
   if (!(now.running < trust.until)) {
     const absl::Duration age =

@@ -264,6 +264,7 @@ ServedDatabase::ServedDatabase(std::string variant, const Common& common,
       outlines_(common.outlines),
       calibration_(common.calibration),
       calibration_fingerprint_(common.calibration_fingerprint),
+      calibration_doubt_(common.calibration_doubt),
       calibration_margin_(common.calibration_margin),
       bands_(common.bands),
       treatments_(common.treatments),
@@ -291,6 +292,7 @@ absl::StatusOr<ServedDatabase::Common> ServedDatabase::LoadCommon(
   common.treatments =
       TreatmentsOf(treatments, known, NamesOfViews(database.cell()), database.mask_sizes());
   common.calibration_margin = settings.margin;
+  common.calibration_doubt = load.calibration_doubt;
   const auto stored = snapshot.Calibration();
   if (stored.ok() && *stored) common.calibration_fingerprint = FingerprintOf(**stored);
   return common;

@@ -77,6 +77,8 @@ struct LoadSettings {
   // captured. No verdict rests on captured ones then. Maps rest on the collision index of stored
   // drawn ones if they are of the very same robot.
   std::optional<DrawnCell> drawn = std::nullopt;
+  // Why the calibration cannot be that of the robot images; empty: nothing speaks against it.
+  std::string calibration_doubt = {};
 };
 
 // Cannot be changed once loaded, but can be found damaged; used by any number of threads.
@@ -166,6 +168,8 @@ class ServedDatabase {
   // Which calibration it is (FingerprintOf in calib/files/calibration_message.h); empty where there
   // is none.
   const std::string& calibration_fingerprint() const { return calibration_fingerprint_; }
+  // LoadSettings::calibration_doubt. What rests on the calibration is unknown then.
+  const std::string& calibration_doubt() const { return calibration_doubt_; }
   // CalibrationSettings::margin, with which it is served.
   double calibration_margin() const { return calibration_margin_; }
 
@@ -202,6 +206,7 @@ class ServedDatabase {
     std::vector<Outline> outlines;
     std::optional<Calibration> calibration;
     std::string calibration_fingerprint;
+    std::string calibration_doubt;
     double calibration_margin = 0;
     std::shared_ptr<const EpipolarBands> bands;
     ViewTreatments treatments;
@@ -243,6 +248,7 @@ class ServedDatabase {
   std::vector<Outline> outlines_;
   std::optional<Calibration> calibration_;
   std::string calibration_fingerprint_;
+  std::string calibration_doubt_;
   double calibration_margin_;
   std::shared_ptr<const EpipolarBands> bands_;
   ViewTreatments treatments_;

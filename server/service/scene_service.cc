@@ -246,14 +246,14 @@ class Databases final : public DatabaseCalls {
             in, out, [this](const v1::GetDatabaseRequest&, v1::GetDatabaseResponse* response) {
               const std::shared_ptr<const ServedDatabase> database = serving_.scenes.database();
               ToMessage(*database, serving_.settings, response);
-              if (const auto trust = serving_.scenes.trust()) {
-                Served served;
-                served.database = database;
-                served.trust = trust;
-                const auto doubt = CalibrationDoubt(served, serving_.settings.clock());
+              Served served;
+              served.database = database;
+              served.trust = serving_.scenes.trust();
+              const auto doubt = CalibrationDoubt(served, serving_.settings.clock());
+              if (doubt || served.trust != nullptr) {
                 v1::CalibrationCheck& check = *response->mutable_calibration_check();
                 check.set_holds(!doubt);
-                check.set_message(doubt.value_or(trust->message));
+                check.set_message(doubt ? *doubt : served.trust->message);
               }
               return absl::OkStatus();
             }));

@@ -51,12 +51,13 @@ class HealthReport : public Watcher {
   void Tell(uint64_t) override {
     const std::lock_guard lock(mutex_);
     Report("silhouette.v1.Database", !serving_.scenes.database()->damage().found());
-    if (serving_.settings.trust != nullptr) {
-      const Moment now = serving_.settings.clock();
-      const Served served = serving_.scenes.Newest(now);
-      const std::optional<std::string> doubt = CalibrationDoubt(served, now);
-      LogDoubt(served.trust, doubt);
-      Report("silhouette.v1.Calibration", !doubt);
+    const Moment now = serving_.settings.clock();
+    const Served served = serving_.scenes.Newest(now);
+    const std::optional<std::string> doubt = CalibrationDoubt(served, now);
+    constexpr char kCalibration[] = "silhouette.v1.Calibration";
+    if (serving_.settings.trust != nullptr) LogDoubt(served.trust, doubt);
+    if (serving_.settings.trust != nullptr || doubt || reported_.contains(kCalibration)) {
+      Report(kCalibration, !doubt);
     }
     if (serving_.settings.live == nullptr) return;
     const LiveStatus status = serving_.settings.live->StatusOfDevices();

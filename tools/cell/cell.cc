@@ -209,6 +209,13 @@ std::vector<std::string> Doubts(const Cell& cell) {
         "where the robot hides them; state 0.15 or less",
         cell.sound->least_obstacle));
   }
+  constexpr double kSlowPerson = 1;  // m/s
+  if (cell.separation && cell.separation->settings.human_speed < kSlowPerson) {
+    doubts.push_back(absl::StrFormat(
+        "separation: human_speed: %.2g m/s is slower than people walk, about 1.6 m/s (ISO 13855): "
+        "distances are too small for them",
+        cell.separation->settings.human_speed));
+  }
   constexpr double kOfChord = 1.05;  // grid_move is along the arc, max_move along its chord
   if (!cell.robot.drawn && cell.grid_move > kOfChord * kMostMove) {
     doubts.push_back(absl::StrFormat(

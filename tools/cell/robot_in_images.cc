@@ -72,21 +72,22 @@ std::vector<RobotPart> MovingParts(const DrawnRobot& robot) {
 
 }  // namespace
 
-absl::StatusOr<std::vector<std::string>> MisplacedViews(const Cell& cell,
-                                                        const Database& database) {
-  std::vector<std::string> sentences;
+absl::StatusOr<std::string> MisplacedViews(const Cell& cell, const Database& database) {
   const FirstLookSettings& look = cell.capture.first_look;
-  if (cell.robot.drawn || look.least_overlap == 0) return sentences;
+  if (cell.robot.drawn || look.least_overlap == 0) return std::string();
   ASSIGN_OR_RETURN(const auto expected,
                    ExpectedRobotOf(cell, database, database.mask_sizes(),
                                    "whether the calibration has the robot where images show it"));
-  if (!expected) return sentences;
+  if (!expected) return std::string();
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto images, SomeImages(snapshot, cell.grid.size()));
   std::vector<std::vector<Mask>> expected_masks;
   for (const RobotImage& image : images) {
     expected_masks.push_back(expected->Touched(image.measured));
   }
+  std::vector<std::string> names;
+  std::vector<std::string> of_drawn;
+  std::vector<std::string> of_captured;
   for (size_t view = 0; view < cell.views.size(); ++view) {
     double drawn = 0;
     double captured = 0;
@@ -102,16 +103,21 @@ absl::StatusOr<std::vector<std::string>> MisplacedViews(const Cell& cell,
                          static_cast<double>(cell.views[view].mask_size.pixels());
     if (std::max(drawn, captured) <= least) continue;
     if (common >= look.least_overlap * drawn && common >= kLeastCovered * captured) continue;
-    sentences.push_back(absl::StrFormat(
-        "view '%s': the robot in its captured images is not where calibration and URDF have it: "
-        "they have %.0f %% of the drawn pixels and %.0f %% of the captured ones in common; check "
-        "the frame and the unit of the calibration's poses, that each camera model is of its own "
-        "view, and the joint values that the robot reported; if something stands before the robot, "
-        "or the URDF lacks its tool, lower 'first_look: least_overlap'",
-        cell.views[view].name, drawn > 0 ? 100 * common / drawn : 0,
-        captured > 0 ? 100 * common / captured : 0));
+    const auto share = [&](double of) { return absl::StrFormat("%.0f", 100 * common / of); };
+    names.push_back(absl::StrCat("'", cell.views[view].name, "'"));
+    of_drawn.push_back(drawn > 0 ? share(drawn) : "0");
+    of_captured.push_back(captured > 0 ? share(captured) : "0");
   }
-  return sentences;
+  if (names.empty()) return std::string();
+  return absl::StrCat(
+      names.size() == 1 ? "view " : "views ", absl::StrJoin(names, ", "),
+      ": the robot in its captured images is not where calibration and URDF have it: they have ",
+      absl::StrJoin(of_drawn, ", "), " % of the drawn pixels and ",
+      absl::StrJoin(of_captured, ", "),
+      " % of the captured ones in common; check the frame and the unit of the calibration's poses, "
+      "that each camera model is of its own view, and the joint values that the robot reported; if "
+      "something stands before the robot, or the URDF lacks its tool, lower 'first_look: "
+      "least_overlap'");
 }
 
 std::string PartialViews(const Cell& cell, const DrawnRobot& robot, const JointRegions& forbidden) {

@@ -57,13 +57,27 @@ int AtLeast(YamlMap& map, const std::string& key, int default_value, int least) 
   return value;
 }
 
+// m/s; more is likely to be in mm/s.
+double Speed(const YamlNode& node) {
+  constexpr double kMost = 20;
+  const double speed = node.AsPositive();
+  if (speed > kMost) node.Fail("at most 20 m/s is expected; 250 mm/s is 0.25");
+  return speed;
+}
+
 SpeedLevel ReadSpeedLevel(const YamlNode& node) {
+  constexpr absl::Duration kMostToStop = absl::Seconds(10);
   YamlMap map(node);
   SpeedLevel level;
   level.name = map.Required("name").As<std::string>();
-  level.speed = map.Required("speed").AsPositive();
-  level.stopping_time = absl::ToDoubleSeconds(map.Required("stopping_time").AsTime());
-  level.stopping_distance = map.Required("stopping_distance").AsNotNegative();
+  level.speed = Speed(map.Required("speed"));
+  const YamlNode time = map.Required("stopping_time");
+  if (time.AsTime() > kMostToStop) {
+    time.Fail("at most 10 s is expected; milliseconds are written as '150 ms'");
+  }
+  level.stopping_time = time.AsSeconds();
+  level.stopping_distance =
+      map.Required("stopping_distance").AsLengthUpTo(10, "no robot needs longer to stop");
   map.Finish();
   return level;
 }
@@ -196,6 +210,10 @@ Workspace ReadWorkspace(const YamlNode& node) {
   const Workspace workspace(corner(map.Required("lower")), corner(upper));
   map.Finish();
   if (!(workspace.sizes().minCoeff() > 0)) upper.Fail("it must lie above 'lower' in x, y and z");
+  constexpr double kLongest = 100;
+  if (workspace.sizes().maxCoeff() > kLongest) {
+    upper.Fail("it is more than 100 m from 'lower'; both are in metres");
+  }
   return workspace;
 }
 
@@ -334,12 +352,16 @@ SeparationCell ReadSeparation(const YamlNode& node) {
   YamlMap map(node);
   SeparationCell cell;
   SeparationSettings& settings = cell.settings;
-  map.Read("human_speed", settings.human_speed, &YamlNode::AsPositive);
-  map.Read("near_human_speed", settings.near_human_speed, &YamlNode::AsPositive);
+  map.Read("human_speed", settings.human_speed, Speed);
+  settings.near_human_speed = std::max(settings.near_human_speed, settings.human_speed);
+  map.Read("near_human_speed", settings.near_human_speed, Speed);
   map.Read("reaction_time", settings.reaction_time,
            [](const YamlNode& time) { return absl::ToDoubleSeconds(time.AsTime()); });
-  map.Read("intrusion", settings.intrusion, &YamlNode::AsNotNegative);
-  map.Read("uncertainty", settings.uncertainty, &YamlNode::AsNotNegative);
+  const auto few_metres = [](const YamlNode& length) {
+    return length.AsLengthUpTo(2, "no distance could be kept");
+  };
+  map.Read("intrusion", settings.intrusion, few_metres);
+  map.Read("uncertainty", settings.uncertainty, few_metres);
   for (const YamlNode& level : map.Required("levels").Items()) {
     settings.levels.push_back(ReadSpeedLevel(level));
   }

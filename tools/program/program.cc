@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
+#include <new>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -194,6 +195,9 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
                            : error.what())
               << std::endl;
     return too_long ? kUserMistake : kWorldFailed;
+  } catch (const std::bad_alloc&) {
+    std::cerr << app.get_name() << ": there is not enough memory" << std::endl;
+    return kWorldFailed;
   } catch (const std::exception& error) {
     std::cerr << app.get_name() << ": " << error.what() << std::endl;
     return kWorldFailed;

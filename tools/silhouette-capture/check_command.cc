@@ -270,9 +270,7 @@ Findings OfCapture(const CellArguments& arguments, const CellFile& file, const T
     findings.push_back({"database", true, absl::StrCat(file.database, " is of this cell")});
     const auto misplaced = MisplacedViews(file.cell, **database);
     if (!misplaced.ok()) return {{"database", false, std::string(misplaced.status().message())}};
-    for (const std::string& text : *misplaced) {
-      findings.push_back({.what = "calibration", .good = true, .text = text, .doubtful = true});
-    }
+    if (!misplaced->empty()) findings.push_back({"calibration", false, *misplaced});
   }
   if (file.cell.robot.drawn) return findings;
   const Database* stored = database.ok() ? database->get() : nullptr;

@@ -347,6 +347,22 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
                      "nobody can be there");
 }
 
+// Why the calibration cannot be that of the robot images; empty: nothing speaks against it.
+// FailedPrecondition: margins, which no preset does without, rest on it.
+absl::StatusOr<std::string> CalibrationDoubtOf(const Cell& cell, const Database& database) {
+  const auto misplaced = MisplacedViews(cell, database);
+  if (!misplaced.ok()) {
+    spdlog::warn("whether views show the robot where calibration and URDF have it is not known: {}",
+                 std::string(misplaced.status().message()));
+    return std::string();
+  }
+  const bool lengths = std::ranges::any_of(
+      cell.views, [](const ViewSettings& view) { return view.margin.metres > 0; });
+  if (misplaced->empty() || !lengths) return misplaced;
+  return absl::FailedPreconditionError(
+      absl::StrCat("margins in metres need a calibration that is right: ", *misplaced));
+}
+
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
@@ -378,6 +394,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   LoadSettings load = LoadSettingsOf(cell);
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
+  ASSIGN_OR_RETURN(load.calibration_doubt, CalibrationDoubtOf(cell, *database));
   spdlog::info("loading '{}'{}", path, sound ? VoxelsText(*sound, cell.views.size()) : "");
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
@@ -390,11 +407,8 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
                      "', or serve it with --unverified if you know it"));
   }
   LogLoaded(**served, path);
-  if (const auto misplaced = MisplacedViews(cell, *database); misplaced.ok()) {
-    for (const std::string& sentence : *misplaced) spdlog::warn("{}", sentence);
-  } else {
-    spdlog::warn("whether views show the robot where calibration and URDF have it is not known: {}",
-                 std::string(misplaced.status().message()));
+  if (const std::string& doubt = (*served)->calibration_doubt(); !doubt.empty()) {
+    spdlog::error("what rests on the calibration is unknown, never free: {}", doubt);
   }
   LogRobotImages(**served, path, load);
   if (load.drawn) LogDrawn(**served, cell, *load.drawn);

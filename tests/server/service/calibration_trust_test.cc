@@ -209,6 +209,24 @@ TEST_F(CalibrationTrustTest, ItsHealthFollowsTheCheckTheTimeAndTheDatabase) {
   AwaitHealth(false);
 }
 
+TEST_F(CalibrationTrustTest, OneThatTheRobotImagesContradictIsNeverFreeWhateverChecksSay) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db", {.calibration = TestCalibration()});
+  LoadSettings load;
+  load.calibration_doubt = "the robot is elsewhere in view 'left'";
+  server.server->ReplaceDatabase(LoadDatabase(folder / "db", {.margin = 0}, {}, load));
+  server.Publish(EmptyCellScene());
+  for (const bool checked : {true, false}) {
+    if (!checked) server.server->SetTrust(nullptr);
+    ExpectOnlyDoubt();
+    EXPECT_EQ(Told().message(), load.calibration_doubt);
+    AwaitHealth(false);
+  }
+  server.server->ReplaceDatabase(database);
+  server.Publish(EmptyCellScene());
+  EXPECT_EQ(server.CheckOne(At(1, 0)).state(), v1::Verdict::STATE_FREE);
+}
+
 TEST_F(CalibrationTrustTest, WhatWatchersWereToldIsTakenBack) {
   server.Publish(EmptyCellScene());
   SpaceWatching watching(server);

@@ -17,6 +17,7 @@
 #include <fstream>
 #include <functional>
 #include <iostream>
+#include <new>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -229,6 +230,9 @@ TEST(Program, ExceptionsBecomeOneSentence) {
   testing::internal::CaptureStderr();
   EXPECT_EQ(RunTester({}, []() -> int { throw std::runtime_error("no luck"); }), 3);
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "tester: no luck\n");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunTester({}, []() -> int { throw std::bad_alloc(); }), 3);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "tester: there is not enough memory\n");
 }
 
 TEST(Program, NameThatIsTooLongForAFileIsTheUsersMistake) {

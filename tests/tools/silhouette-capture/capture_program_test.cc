@@ -15,6 +15,7 @@
 #include "tests/capture/session/program_cell.h"
 #include "tests/db/store/index_checks.h"
 #include "tests/folders.h"
+#include "tests/running_program.h"
 
 namespace silhouette {
 namespace {
@@ -316,7 +317,7 @@ TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
 }
 
 // Of the views that have each other's camera models, and of no others.
-TEST_F(CaptureProgram, CheckNamesViewsWhoseImagesShowTheRobotElsewhereThanTheCalibration) {
+TEST_F(CaptureProgram, NothingRestsOnACalibrationThatHasTheRobotElsewhereThanImages) {
   cell_.TakeReferences();
   ASSERT_EQ(cell_.Run(cell_.Arguments("run")).exit_code, 0);
   const std::string models = cell_ / "true";
@@ -333,12 +334,15 @@ TEST_F(CaptureProgram, CheckNamesViewsWhoseImagesShowTheRobotElsewhereThanTheCal
   std::filesystem::rename(models + "/other", models + "/front.cameramodel");
   shell("silhouette-db calibration import --force " + cell_.database() + " " + models);
   const Outcome checked = cell_.Run(cell_.Arguments("check"));
-  for (const char* view : {"top", "front"}) {
-    EXPECT_THAT(
-        checked.out,
-        HasSubstr(std::string("NOTE   calibration: view '") + view +
-                  "': the robot in its captured images is not where calibration and URDF have it"));
-  }
+  EXPECT_NE(checked.exit_code, 0);
+  EXPECT_THAT(checked.out, HasSubstr("FAULT  calibration: views 'top', 'front': the robot in its "
+                                     "captured images is not where calibration and URDF have it"));
+  RunningProgram server({ProgramFolder() + "/silhouette-server", "--cell", cell_.cell(),
+                         "--database", cell_.database(), "--listen", "127.0.0.1:0"},
+                        cell_ / "server.out", cell_ / "server.err");
+  EXPECT_THAT(server.Address(), StartsWith("127.0.0.1:"));
+  EXPECT_THAT(server.Errors(), HasSubstr("what rests on the calibration is unknown, never free: "
+                                         "views 'top', 'front': the robot"));
 }
 
 // Nothing is captured with a robot that no camera sees.

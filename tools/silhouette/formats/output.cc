@@ -4,14 +4,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <fstream>
 #include <optional>
 #include <ostream>
+#include <sstream>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "common/picture/files.h"
 #include "silhouette/messages.h"
 #include "tools/program/progress.h"
 
@@ -528,12 +530,9 @@ std::string TextOf(const std::string& configuration, const std::string& hint,
 }
 
 absl::Status WriteSpace(const client::ConfigurationSpace& space, const std::string& path) {
-  std::ofstream out(path);
-  if (!out) return absl::FailedPreconditionError("the file '" + path + "' cannot be written");
-  absl::EndsWith(path, ".csv") ? WriteCsv(space, out) : WriteJson(space, out);
-  out.close();
-  if (out) return absl::OkStatus();
-  return absl::ResourceExhaustedError("cannot write all of '" + path + "'; is the disk full?");
+  std::ostringstream text;
+  absl::EndsWith(path, ".csv") ? WriteCsv(space, text) : WriteJson(space, text);
+  return WriteWholeFile(path, std::move(text).str());
 }
 
 std::string Spoken(const Configuration& configuration) {
