@@ -141,7 +141,7 @@ absl::Status CheckOnce(int file, const std::string& name, MetaBytes& read) {
 
 absl::Status CheckMetaPages(int file, const std::string& name) {
   // A writer may be at work: what stays as it is, is a fault.
-  constexpr int kAttempts = 10;
+  constexpr int kAttempts = 1000;
   MetaBytes before{};
   MetaBytes read{};
   absl::Status status = CheckOnce(file, name, read);
