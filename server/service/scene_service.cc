@@ -249,8 +249,8 @@ class Databases final : public DatabaseCalls {
               Served served;
               served.database = database;
               served.trust = serving_.scenes.trust();
-              const auto doubt = CalibrationDoubt(served, serving_.settings.clock());
-              if (doubt || served.trust != nullptr) {
+              if (served.trust != nullptr || !database->calibration_doubt().empty()) {
+                const auto doubt = CalibrationDoubt(served, serving_.settings.clock());
                 v1::CalibrationCheck& check = *response->mutable_calibration_check();
                 check.set_holds(!doubt);
                 check.set_message(doubt ? *doubt : served.trust->message);

@@ -51,12 +51,13 @@ class HealthReport : public Watcher {
   void Tell(uint64_t) override {
     const std::lock_guard lock(mutex_);
     Report("silhouette.v1.Database", !serving_.scenes.database()->damage().found());
-    const Moment now = serving_.settings.clock();
-    const Served served = serving_.scenes.Newest(now);
-    const std::optional<std::string> doubt = CalibrationDoubt(served, now);
     constexpr char kCalibration[] = "silhouette.v1.Calibration";
-    if (serving_.settings.trust != nullptr) LogDoubt(served.trust, doubt);
-    if (serving_.settings.trust != nullptr || doubt || reported_.contains(kCalibration)) {
+    if (serving_.settings.trust != nullptr || reported_.contains(kCalibration) ||
+        !serving_.scenes.database()->calibration_doubt().empty()) {
+      const Moment now = serving_.settings.clock();
+      const Served served = serving_.scenes.Newest(now);
+      const std::optional<std::string> doubt = CalibrationDoubt(served, now);
+      LogDoubt(served.trust, doubt);
       Report(kCalibration, !doubt);
     }
     if (serving_.settings.live == nullptr) return;
