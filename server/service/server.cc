@@ -38,7 +38,7 @@ constexpr char kHandshakeTimeout[] = "grpc.server_handshake_timeout_ms";
 constexpr int kMostSentBytes = 64 << 20;
 
 // Reports to the health service, as far as it has changed: whether the database is undamaged,
-// whether the calibration is known to hold, if that is checked from the start, and the state of the
+// whether the calibration is known to hold, if that is checked or doubted, and the state of the
 // server's own acquisition, if there is one.
 class HealthReport : public Watcher {
  public:
