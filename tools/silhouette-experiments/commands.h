@@ -4,19 +4,17 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
 #include <memory>
 #include <string>
 
 #include "absl/status/statusor.h"
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
 
-inline constexpr char kExperiments[] = "silhouette-experiments";
-
-using Run = std::function<int()>;
+using Run = Work;
 
 void AddPaperCommand(CLI::App& program, Run& run);
 void AddCellCommand(CLI::App& program, Run& run);
@@ -28,19 +26,16 @@ void AddFaultsCommand(CLI::App& program, Run& run);
 void AddPeopleCommand(CLI::App& program, Run& run);
 
 // When `command` is chosen, `run` makes the folder `arguments->out`, if there is such an option and
-// it is given, and does `work`. An error is printed on stderr.
+// it is given, and does `work`.
 template <typename Arguments>
 void RunWhenChosen(CLI::App& command, Run& run, const std::shared_ptr<Arguments>& arguments,
                    absl::StatusOr<ExitCode> (*work)(const Arguments&)) {
   command.callback([arguments, work, &run] {
-    run = [arguments, work]() -> int {
+    run = [arguments, work]() -> absl::StatusOr<ExitCode> {
       if constexpr (requires { arguments->out; }) {
-        const std::string& out = arguments->out;
-        const absl::Status made = out.empty() ? absl::OkStatus() : MakeFolder(out);
-        if (!made.ok()) return Report(kExperiments, made);
+        if (!arguments->out.empty()) RETURN_IF_ERROR(MakeFolder(arguments->out));
       }
-      const absl::StatusOr<ExitCode> code = work(*arguments);
-      return code.ok() ? *code : Report(kExperiments, code.status());
+      return work(*arguments);
     };
   });
 }

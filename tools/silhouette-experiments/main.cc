@@ -29,5 +29,5 @@ int main(int argc, char** argv) {
   silhouette::AddStillCommand(app, run);
   silhouette::AddFaultsCommand(app, run);
   silhouette::AddPeopleCommand(app, run);
-  return silhouette::RunProgram(app, argc, argv, [&] { return run(); });
+  return silhouette::RunProgram(app, argc, argv, run);
 }

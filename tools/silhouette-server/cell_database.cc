@@ -348,19 +348,14 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
 }
 
 // Why the calibration cannot be that of the robot images; empty: nothing speaks against it.
-// FailedPrecondition: margins, which no preset does without, rest on it.
+// FailedPrecondition: margins, which no preset does without, rest on it. Errors of MisplacedViews.
 absl::StatusOr<std::string> CalibrationDoubtOf(const Cell& cell, const Database& database) {
-  const auto misplaced = MisplacedViews(cell, database);
-  if (!misplaced.ok()) {
-    spdlog::warn("whether views show the robot where calibration and URDF have it is not known: {}",
-                 std::string(misplaced.status().message()));
-    return std::string();
-  }
+  ASSIGN_OR_RETURN(std::string misplaced, MisplacedViews(cell, database));
   const bool lengths = std::ranges::any_of(
       cell.views, [](const ViewSettings& view) { return view.margin.metres > 0; });
-  if (misplaced->empty() || !lengths) return misplaced;
+  if (misplaced.empty() || !lengths) return misplaced;
   return absl::FailedPreconditionError(
-      absl::StrCat("margins in metres need a calibration that is right: ", *misplaced));
+      absl::StrCat("margins in metres need a calibration that is right: ", misplaced));
 }
 
 }  // namespace
