@@ -92,6 +92,8 @@ class CheckStream::Impl {
     StreamedAnswer answer = std::move(answers_.front());
     answers_.pop_front();
     --not_received_;
+    if (answer.checks.ok()) DropIfExpired(*answer.checks);
+    if (answer.path.ok()) DropIfExpired(*answer.path);
     return answer;
   }
 
@@ -183,9 +185,8 @@ class CheckStream::Impl {
         return answer;
       }
       const v1::CheckConfigurationsResponse& checks = response.configurations();
-      answer.checks =
-          UnlessExpired(AnswerFrom(checks, *question.configurations, question.clearance,
-                                   MadeAt(checks.basis(), question.asked, *clock_), address));
+      answer.checks = AnswerFrom(checks, *question.configurations, question.clearance,
+                                 MadeAt(checks.basis(), question.asked, *clock_), address);
       return answer;
     }
     if (error.ok() && !response.has_path()) {
@@ -195,9 +196,8 @@ class CheckStream::Impl {
       answer.path = error;
       return answer;
     }
-    answer.path = UnlessExpired(AnswerFrom(response.path(), question.clearance,
-                                           MadeAt(response.path().basis(), question.asked, *clock_),
-                                           address));
+    answer.path = AnswerFrom(response.path(), question.clearance,
+                             MadeAt(response.path().basis(), question.asked, *clock_), address);
     return answer;
   }
 

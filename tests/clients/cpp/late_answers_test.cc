@@ -131,6 +131,19 @@ TEST_F(LateAnswers, AreNeverFreeAndSaySo) {
   EXPECT_EQ(space->Count().unknown, 10u);
 }
 
+TEST_F(LateAnswers, OfAStreamAreAlsoThoseThatWaitForReceiveUntilTheyExpire) {
+  const Client client = ClientOfHere(server_);
+  CheckStream stream = client.StreamChecks();
+  ASSERT_TRUE(stream.Send(1, kLateOne).ok());
+  ASSERT_TRUE(stream.Send(2, kLateOne).ok());
+  EXPECT_TRUE(stream.Receive()->checks->AllFree());
+  std::this_thread::sleep_for(kHeldUp);
+  const auto late = stream.Receive();
+  stream.Cancel();
+  EXPECT_EQ(late->checks->verdicts.at(0).state, State::kUnknown);
+  EXPECT_EQ(late->checks->verdicts.at(0).reason, Reason::kAnswerLate);
+}
+
 TEST_F(LateAnswers, AreNotThoseThatTheServerWorkedOnForLong) {
   works_ = kHeldUp;
   for (const Verdict& verdict : AskAll()) EXPECT_TRUE(verdict.free()) << NameOf(verdict.reason);
