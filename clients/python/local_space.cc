@@ -219,24 +219,25 @@ std::shared_ptr<SpaceSnapshot> Unconst(Shared snapshot) {
   return std::const_pointer_cast<SpaceSnapshot>(std::move(snapshot));  // immutable all the same
 }
 
-// A LocalSpace that a context manager can end.
+// A LocalSpace that a context manager can end; it lives on while a thread still waits for it.
 class PythonSpace {
  public:
   PythonSpace(const Client& client, client::LocalSpaceOptions options)
-      : space_(std::in_place, client, std::move(options)) {}
+      : space_(std::make_shared<const LocalSpace>(client, std::move(options))) {}
 
-  const LocalSpace& get() const {
-    if (!space_) throw std::invalid_argument("this LocalSpace was closed");
-    return *space_;
+  // To be called with the interpreter's lock.
+  std::shared_ptr<const LocalSpace> get() const {
+    if (space_ == nullptr) throw std::invalid_argument("this LocalSpace was closed");
+    return space_;
   }
   void Close() { space_.reset(); }
 
  private:
-  std::optional<LocalSpace> space_;
+  std::shared_ptr<const LocalSpace> space_;
 };
 
 py::dict StatusOf(const PythonSpace& at) {
-  const client::LocalSpaceStatus status = at.get().status();
+  const client::LocalSpaceStatus status = at.get()->status();
   py::dict fields;
   fields["connected"] = status.connected;
   fields["problem"] = std::string(status.problem.message());
@@ -250,7 +251,8 @@ std::shared_ptr<SpaceSnapshot> WaitForUpdate(const PythonSpace& at, uint64_t aft
                                              double timeout) {
   Shared newest;
   WaitInSlices(timeout, [&](absl::Duration slice) {
-    newest = WithoutLock([&] { return at.get().WaitForUpdate(after, slice); });
+    const auto space = at.get();
+    newest = WithoutLock([&] { return space->WaitForUpdate(after, slice); });
     return newest->number() > after;
   });
   return Unconst(std::move(newest));
@@ -288,12 +290,12 @@ void BindLocalSpace(py::module_& module) {
       .def(
           "check",
           [](const PythonSpace& at, const py::object& q) {
-            return ToPython(CheckOne(*at.get().Snapshot(), q));
+            return ToPython(CheckOne(*at.get()->Snapshot(), q));
           },
           py::arg("q"), "The verdict for one configuration: (d,) float64, radians or metres.");
-  BindChecks<PythonSpace>(type, [](const PythonSpace& at) { return at.get().Snapshot(); });
+  BindChecks<PythonSpace>(type, [](const PythonSpace& at) { return at.get()->Snapshot(); });
   type.def(
-          "snapshot", [](const PythonSpace& at) { return Unconst(at.get().Snapshot()); },
+          "snapshot", [](const PythonSpace& at) { return Unconst(at.get()->Snapshot()); },
           "The newest snapshot: for many checks from one scene.")
       .def("wait_for_update", WaitForUpdate, py::arg("after"), py::arg("timeout"),
            "Waits for a snapshot whose number is above `after`, and returns the newest in any "
