@@ -180,7 +180,7 @@ bool SceneStore::Revoked(const RegionSet& regions) const {
   if (regions.revision == now.revision) return false;
   return !std::ranges::all_of(regions.regions, [&](const AllowedRegion& region) {
     return std::ranges::any_of(now.regions, [&](const AllowedRegion& other) {
-      return other.name == region.name && other.pixels == region.pixels;
+      return other.name == region.name && other.pixels == region.pixels && other.end >= region.end;
     });
   });
 }

@@ -171,6 +171,10 @@ Reason Conclude(const Serving& serving, const Served& served, const Policy& poli
   Served of_now = served;
   of_now.trust = serving.scenes.trust();
   Reason blocked = BlockedReason(of_now, policy, serving.settings.scene, now);
+  const auto& database = served.whole != nullptr ? served.whole : served.database;
+  if (blocked == Reason::kNone && serving.scenes.database() != database) {
+    blocked = Reason::kGenerationMismatch;  // it was replaced meanwhile
+  }
   if (blocked == Reason::kNone && serving.scenes.Revoked(*served.regions)) {
     blocked = Reason::kRegionEnded;
   }

@@ -216,6 +216,9 @@ TEST_F(AllowedRegionTest, ThatWasRevokedOrMovedIsKnownToBe) {
   ASSERT_TRUE(Allow("other", BlockPixels(1), absl::Seconds(10)).ok());
   ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(20)).ok());
   EXPECT_FALSE(store_.Revoked(*taken)) << "it only lasts longer";
+  const auto longer = store_.Newest(kAllowedRegionsNow).regions;
+  ASSERT_TRUE(Allow("part", BlockPixels(3), absl::Seconds(1)).ok());
+  EXPECT_TRUE(store_.Revoked(*longer)) << "it ends sooner";
   ASSERT_TRUE(Allow("part", BlockPixels(3, 2), absl::Seconds(20)).ok());
   EXPECT_TRUE(store_.Revoked(*taken));
   const auto moved = store_.Newest(kAllowedRegionsNow).regions;

@@ -214,6 +214,22 @@ TEST_F(WatchServiceTest, PathWithoutWaypointsEndsTheCall) {
   EXPECT_EQ(status.error_message(), "waypoints: a path has at least one");
 }
 
+TEST(Conclude, DatabaseReplacedWhileAnAnswerIsMadeTakesItBack) {
+  const auto database = NewDatabase();
+  TestClock clock;
+  ServingSettings settings;
+  settings.clock = clock.clock();
+  Serving serving(database, settings);
+  absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
+  ASSERT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
+  const Served served = serving.scenes.Newest(clock.clock()());
+  v1::Basis basis;
+  EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kNone);
+  serving.scenes.ReplaceDatabase(NewDatabase());
+  EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kGenerationMismatch);
+  EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
+}
+
 TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   const auto database = NewDatabase();
   TestClock clock;
