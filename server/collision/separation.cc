@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <stdexcept>
+
+#include "calib/robot/drawing/motion_check.h"
 
 namespace silhouette {
 namespace {
@@ -100,18 +103,6 @@ double SeparationMeter::At(std::span<const double> q, double at_most) {
   return least;
 }
 
-double SeparationMeter::Movement(std::span<const double> from, std::span<const double> to) const {
-  double most = 0;
-  for (size_t part = 0; part < robot_.parts().size(); ++part) {
-    double way = 0;
-    for (size_t joint = 0; joint < from.size(); ++joint) {
-      way += robot_.Lever(part, joint) * std::abs(to[joint] - from[joint]);
-    }
-    most = std::max(most, way);
-  }
-  return most;
-}
-
 std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration> waypoints,
                                                    std::optional<double> horizon,
                                                    const Stop& stop) {
@@ -119,31 +110,37 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
   PathDistance path;
   path.distance = path.at_start = At(waypoints.front(), space_.range());
   double left = horizon.value_or(std::numeric_limits<double>::infinity());
+  before_ = poses_;
   Configuration q = waypoints.front();
-  for (size_t segment = 0; segment + 1 < waypoints.size() && left > 0; ++segment) {
+  for (size_t segment = 0; segment + 1 < waypoints.size(); ++segment) {
     const Configuration& from = waypoints[segment];
     const Configuration& to = waypoints[segment + 1];
-    const double movement = Movement(from, to);
+    for (size_t joint = 0; joint < from.size(); ++joint) {
+      if (!std::isfinite(to[joint] - from[joint])) return std::nullopt;
+    }
+    const double movement = GreatestDisplacement(robot_, from, to);
     if (!std::isfinite(movement)) return std::nullopt;
-    const double end = movement > left ? left / movement : 1;
-    const double steps = std::max(1.0, std::ceil(end * movement / kStep));
-    const double slack = end * movement / steps / 2;
-    for (double step = 0; step <= steps && path.distance > 0; ++step) {
+    const double steps = std::max(1.0, std::ceil(movement / kStep));
+    const double slack = movement / steps / 2;
+    for (double step = 0; step <= steps; ++step) {
+      if (path.distance <= 0 || left <= 0) return path;
       if (Stopped(stop)) return std::nullopt;
-      const double fraction = end * step / steps;
+      const double fraction = step / steps;
       for (size_t joint = 0; joint < q.size(); ++joint) {
         q[joint] = from[joint] + fraction * (to[joint] - from[joint]);
       }
       const double matters = path.distance + slack;
       const double at = At(q, std::min(matters, space_.range()));
+      if (horizon) left -= DisplacementBetween(robot_, before_, poses_);
+      before_.swap(poses_);
       const double distance = std::max(0.0, at - slack);
       if (at >= matters || distance >= path.distance) continue;
       path.distance = distance;
       path.segment = static_cast<int>(segment);
       path.fraction = fraction;
     }
-    left -= movement;
   }
+  path.whole = true;
   return path;
 }
 

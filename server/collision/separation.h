@@ -80,6 +80,8 @@ struct PathDistance {
   double fraction = 0;
   // The same at its beginning.
   double at_start = 0;
+  // Whether it is that of all of the path.
+  bool whole = false;
 };
 
 // How far the robot, a body of balls about its parts, is from what may hold somebody. A body that
@@ -91,9 +93,10 @@ class SeparationMeter {
   SeparationMeter(const DrawnRobot& robot, const SpaceDistances& space)
       : robot_(robot), space_(space) {}
 
-  // Along straight lines between waypoints, of which there is at least one, as far as the robot
-  // moves up to `horizon` metres on them; nothing: all. Between the places that are looked at no
-  // point of the robot moves farther than kStep; half of that is subtracted.
+  // Along straight lines between waypoints, of which there is at least one, until the robot's
+  // fastest point has moved `horizon` metres on them, and up to kStep on; nothing: all. Between the
+  // places that are looked at no point of the robot moves farther than kStep; half of that is
+  // subtracted.
   // Nothing if `stop`, which is asked at every place, says so, or a value is not finite.
   static constexpr double kStep = 0.02;
   std::optional<PathDistance> Along(std::span<const Configuration> waypoints,
@@ -104,8 +107,6 @@ class SeparationMeter {
   void FindMoving(std::span<const Configuration> waypoints);
   // At a configuration, metres, or `at_most` if it is that far or farther.
   double At(std::span<const double> q, double at_most);
-  // How far any point of the robot moves at most, metres.
-  double Movement(std::span<const double> from, std::span<const double> to) const;
 
   const DrawnRobot& robot_;
   const SpaceDistances& space_;
@@ -117,6 +118,7 @@ class SeparationMeter {
   };
 
   std::vector<Eigen::Isometry3d> poses_;
+  std::vector<Eigen::Isometry3d> before_;  // poses at the last place
   PlacedBalls placed_;
   std::vector<Bound> bounds_;
   std::vector<bool> moves_;  // by part

@@ -106,7 +106,7 @@ void ToMessage(const KeptLevels& kept, const SeparationSettings& settings, doubl
   message.set_distance(kept.path.distance);
   message.mutable_nearest()->set_segment(kept.path.segment);
   message.mutable_nearest()->set_fraction(kept.path.fraction);
-  message.set_leads_away(kept.path.at_start > leave_from &&
+  message.set_leads_away(kept.path.whole && kept.path.at_start > leave_from &&
                          kept.path.distance >= kept.path.at_start - kSameDistance);
   message.mutable_protective_distances()->Assign(kept.distances.begin(), kept.distances.end());
   message.set_image_age(absl::ToDoubleSeconds(kept.image_age));
@@ -147,7 +147,8 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
   const Reason blocked = BlockedReason(of_now, sound, serving.settings.scene, now);
   separation->set_range(basis->range());
   if (!kept || blocked != Reason::kNone) {
-    const Reason reason = blocked != Reason::kNone ? blocked : Reason::kOutsideGrid;
+    Reason reason = blocked != Reason::kNone ? blocked : checker.blocked();
+    if (reason == Reason::kNone) reason = Reason::kOutsideGrid;
     separation->set_unknown_reason(ToMessage(reason));
     return absl::OkStatus();
   }

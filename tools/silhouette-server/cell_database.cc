@@ -338,6 +338,11 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
   }
   spdlog::info("distances to people: up to {:.2f} m, in voxels of {:.3f} m", basis->range(),
                basis->grid().edge());
+  if (database.robot_images().drawn() == nullptr && !cell.sound->whole_model) {
+    spdlog::warn(
+        "distances to people are those of the robot's model: what the model lacks, such as a cable "
+        "or a tool, is nearer to them; state 'sound: whole_model: true' if it lacks nothing");
+  }
   if (basis->unseen_share() < 0.001) return;
   spdlog::warn("no view sees {:.1f} % of the zone for people, which counts as {}",
                100 * basis->unseen_share(),

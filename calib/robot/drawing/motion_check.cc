@@ -110,4 +110,16 @@ double GreatestDisplacement(const DrawnRobot& robot, std::span<const double> fro
   return std::ranges::max(Displacements(robot, from, to));
 }
 
+double DisplacementBetween(const DrawnRobot& robot, std::span<const Eigen::Isometry3d> from,
+                           std::span<const Eigen::Isometry3d> to) {
+  double square = 0;
+  for (const RobotPart& part : robot.parts()) {
+    const Eigen::Affine3d moved(to[part.moves_with].matrix() - from[part.moves_with].matrix());
+    for (const auto& point : part.points.colwise()) {
+      square = std::max(square, (moved.linear() * point + moved.translation()).squaredNorm());
+    }
+  }
+  return std::sqrt(square);
+}
+
 }  // namespace silhouette

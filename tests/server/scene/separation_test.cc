@@ -58,6 +58,22 @@ struct SeparationTest : DrawnSceneTest {
     return std::max(0.0, least);
   }
 
+  // Of the boxes of those links.
+  std::vector<Eigen::Vector3d> Corners(const Configuration& q) const {
+    std::vector<Eigen::Vector3d> corners;
+    const std::vector<Eigen::Isometry3d> poses =
+        model->LinkPoses(std::vector<double>{q[0], q[1], 0.1});
+    for (size_t link = 1; link < poses.size(); ++link) {
+      const LinkGeometry& geometry = model->links()[link].visual[0];
+      const Eigen::Vector3d half = std::get<BoxShape>(geometry.shape).size / 2;
+      for (int corner = 0; corner < 8; ++corner) {
+        const Eigen::Vector3d signs((corner & 1) * 2 - 1, (corner & 2) - 1, (corner & 4) / 2 - 1);
+        corners.push_back(poses[link] * geometry.link_from_shape * half.cwiseProduct(signs));
+      }
+    }
+    return corners;
+  }
+
   std::vector<DrawnCellBall> SomebodyNear(const Configuration& now) {
     while (true) {
       std::uniform_real_distribution<double> place(-1.2, 1.2);
@@ -200,6 +216,38 @@ TEST_F(SeparationTest, OnlyTheHorizonCounts) {
   EXPECT_GT(whole->fraction, 0.8);
   EXPECT_GT(beginning->distance, whole->distance + 0.2);
   EXPECT_EQ(beginning->at_start, whole->at_start);
+}
+
+TEST_F(SeparationTest, TheHorizonCountsWhatTheFastestPointReallyMoves) {
+  constexpr double kHorizon = 0.4;
+  int least_at_the_end = 0;
+  for (int scene = 0; scene < SampleCount(20); ++scene) {
+    const Configuration now = Any();
+    const std::vector<DrawnCellBall> balls = SomebodyNear(now);
+    const Checker checker = CheckerOf(InputOf(now, balls), kSound);
+    const std::vector<Configuration> path = {now, Any()};
+    const auto told = checker.Distance(path, kHorizon);
+    ASSERT_TRUE(told);
+    double least = std::numeric_limits<double>::infinity();
+    double moved = 0;
+    std::vector<Eigen::Vector3d> before;
+    for (int step = 0; step <= 500 && moved < kHorizon; ++step) {
+      Configuration q = path[0];
+      for (size_t j = 0; j < 2; ++j) q[j] += step / 500.0 * (path[1][j] - path[0][j]);
+      const std::vector<Eigen::Vector3d> corners = Corners(q);
+      double farthest = 0;
+      for (size_t i = 0; i < before.size(); ++i) {
+        farthest = std::max(farthest, (corners[i] - before[i]).norm());
+      }
+      moved += farthest;
+      before = corners;
+      const double distance = TrueDistance(q, balls);
+      if (distance < least && moved > 0.9 * kHorizon) ++least_at_the_end;
+      least = std::min(least, distance);
+    }
+    EXPECT_LE(told->distance, least) << "scene " << scene;
+  }
+  EXPECT_GT(least_at_the_end, 0) << "no scene tells";
 }
 
 TEST_F(SeparationTest, WithoutASceneNothingIsKnown) {

@@ -130,6 +130,12 @@ TEST_F(SeparationServiceTest, APathTowardsSomebodyKeepsLessDistanceThanOneAway) 
   const auto away = Ask({{0.9, 0}, {2.6, 0}});
   ASSERT_TRUE(away.ok() && away->separation) << away.status();
   EXPECT_TRUE(away->separation->leads_away);
+  const auto and_back = Ask({{0.9, 0}, {2.6, 0}, {0.5, 0}});
+  ASSERT_TRUE(and_back.ok() && and_back->separation) << and_back.status();
+  EXPECT_FALSE(and_back->separation->leads_away);
+  const auto beginning = Ask({{0.9, 0}, {2.6, 0}, {0.5, 0}}, {.horizon = 0});
+  ASSERT_TRUE(beginning.ok() && beginning->separation) << beginning.status();
+  EXPECT_FALSE(beginning->separation->leads_away) << "the end was not looked at";
 }
 
 TEST_F(SeparationServiceTest, ReactionCountsTheAgeOfTheImageUntilTheNextReply) {
