@@ -38,19 +38,23 @@ double Apart(const ConfigurationGrid& grid, const Configuration& a, const Config
 
 std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
                                             const std::vector<ConfigurationNumber>& among,
-                                            int count) {
-  std::vector<ConfigurationNumber> chosen;
-  if (among.empty() || count <= 0) return chosen;
+                                            int count, std::vector<ConfigurationNumber> chosen) {
+  const auto most = static_cast<size_t>(std::max(count, 0));
+  if (chosen.size() > most) chosen.resize(most);
+  if (chosen.size() == most || among.empty()) return chosen;
   std::vector<double> nearest(among.size(), INFINITY);
-  size_t next = 0;
-  while (chosen.size() < std::min(among.size(), static_cast<size_t>(count))) {
-    chosen.push_back(among[next]);
-    const Configuration at = grid.At(among[next]);
+  const auto part_from = [&](ConfigurationNumber number) {
+    const Configuration at = grid.At(number);
     for (size_t i = 0; i < among.size(); ++i) {
       nearest[i] = std::min(nearest[i], Apart(grid, at, grid.At(among[i])));
     }
-    next = static_cast<size_t>(
-        std::distance(nearest.begin(), std::max_element(nearest.begin(), nearest.end())));
+  };
+  for (const ConfigurationNumber number : chosen) part_from(number);
+  while (chosen.size() < most) {
+    const auto furthest = std::max_element(nearest.begin(), nearest.end());
+    if (*furthest == 0) break;  // all are chosen
+    chosen.push_back(among[static_cast<size_t>(furthest - nearest.begin())]);
+    part_from(chosen.back());
   }
   return chosen;
 }
@@ -66,12 +70,15 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
       sentinels.numbers_.push_back(number);
     }
   }
-  const bool renew = plan.new_sentinels || sentinels.numbers_.size() != static_cast<size_t>(count);
-  if (renew && !plan.captures.empty()) {
-    sentinels.numbers_ = WellSpread(parts.travel->grid(), plan.captures, count);
-  }
+  if (plan.new_sentinels && !plan.captures.empty()) sentinels.numbers_.clear();
+  sentinels.numbers_ =
+      WellSpread(parts.travel->grid(), plan.captures, count, std::move(sentinels.numbers_));
   const std::set<ConfigurationNumber> planned(plan.captures.begin(), plan.captures.end());
-  RETURN_IF_ERROR(sentinels.ReadFirsts(snapshot, planned));
+  const bool all_planned = std::ranges::all_of(
+      sentinels.numbers_, [&](ConfigurationNumber number) { return planned.contains(number); });
+  const bool check_planned = all_planned && !plan.new_sentinels;
+  RETURN_IF_ERROR(
+      sentinels.ReadFirsts(snapshot, check_planned ? std::set<ConfigurationNumber>() : planned));
   for (const ConfigurationNumber number : sentinels.numbers_) {
     if (!sentinels.firsts_.contains(number) && planned.contains(number)) {
       sentinels.to_capture_.push_back(number);
@@ -83,11 +90,10 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
   return sentinels;
 }
 
-// Those that are captured or recaptured are left out.
 absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
-                                   const std::set<ConfigurationNumber>& planned) {
+                                   const std::set<ConfigurationNumber>& except) {
   for (const ConfigurationNumber number : numbers_) {
-    if (planned.contains(number)) continue;
+    if (except.contains(number)) continue;
     const auto image = snapshot.Find(number);
     if (!image.ok() || !image->has_value() || (*image)->excluded) continue;
     First first;

@@ -19,18 +19,21 @@
 
 namespace silhouette {
 
-// `count` of the configurations `among`, the first of them first, each as far from the others as
-// can be; fewer if there are fewer.
+// The first `count` of `chosen`, or these and, up to `count`, configurations `among`: each as far
+// from the others as can be. Without `chosen` it begins with the first `among`. Fewer if there are
+// fewer.
 std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
                                             const std::vector<ConfigurationNumber>& among,
-                                            int count);
+                                            int count,
+                                            std::vector<ConfigurationNumber> chosen = {});
 
 class Sentinels {
  public:
   using Go = std::function<absl::StatusOr<Visit>(ConfigurationNumber)>;
 
-  // Those that the database knows, else new ones out of what `plan` captures. `parts` must outlive
-  // it.
+  // Those that the database knows, up to as many as the settings say; more, or with
+  // plan.new_sentinels others, out of what `plan` captures. If `plan` recaptures all that are known
+  // and new ones are not asked for, they are compared as they were before. `parts` must outlive it.
   static absl::StatusOr<Sentinels> Open(SessionParts& parts, const CapturePlan& plan);
 
   // In the order of visits.
@@ -69,7 +72,7 @@ class Sentinels {
   };
 
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
-  absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& planned);
+  absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& except);
   std::vector<SentinelImage> Look(const Visit& visit) const;
   // The image with its mask as it is if shadows are foreground: whether a place is a shadow is a
   // close decision, and may be another in the next image.

@@ -54,6 +54,13 @@ class SentinelsTest : public testing::Test {
     return *suspects;
   }
 
+  // The sentinels that the database knows.
+  std::vector<ConfigurationNumber> Known() const {
+    const auto history = cell_.database->Read()->CaptureHistory();
+    EXPECT_TRUE(history.ok()) << history.status();
+    return {history->sentinels().begin(), history->sentinels().end()};
+  }
+
   FakeCell cell_;
   CaptureObserver observer_;
   std::vector<std::string> said_;
@@ -70,6 +77,11 @@ TEST_F(SentinelsTest, AreWellSpreadAndBeginWithTheFirst) {
   // The opposite corner of the grid, then another.
   EXPECT_EQ(cell_.database->grid().At(chosen[1]), (Configuration{1, 0.5}));
   EXPECT_THAT(WellSpread(cell_.database->grid(), {order[4]}, 3), ElementsAre(order[4]));
+  // Those that are chosen already stay.
+  EXPECT_THAT(WellSpread(cell_.database->grid(), order, 2, {chosen[1]}),
+              ElementsAre(chosen[1], chosen[0]));
+  EXPECT_THAT(WellSpread(cell_.database->grid(), order, 2, chosen),
+              ElementsAre(chosen[0], chosen[1]));
 }
 
 TEST_F(SentinelsTest, AreVisitedAtIntervalsAndAtTheEnd) {
@@ -183,6 +195,62 @@ TEST_F(SentinelsTest, CameraThatMovedBetweenTwoSessionsIsFoundBeforeAnythingIsCa
   const CaptureReport anew = cell_.Capture({.kind = CaptureSelection::Kind::kAll}, observer_);
   EXPECT_TRUE(anew.complete()) << anew.status << anew.alarm;
   EXPECT_EQ(anew.captured, 30u);
+}
+
+TEST_F(SentinelsTest, MoreThanBeforeDoNotHideACameraThatMovedBetweenTwoSessions) {
+  observer_.stop_requested = [this] { return done_ == 10; };
+  EXPECT_TRUE(cell_.Capture({}, observer_).stopped);
+  observer_.stop_requested = [] { return false; };
+  const std::vector<ConfigurationNumber> before = Known();
+  cell_.settings.sentinels.count = 4;
+  MoveFrontAfter(0);
+  const CaptureReport moved = cell_.Capture({}, observer_);
+  EXPECT_THAT(moved.alarm, HasSubstr("view 'front' moved by 4.0 px"));
+  EXPECT_EQ(moved.captured, 0u);
+  EXPECT_EQ(Known(), before);
+  // Once it is put back, two join those that are known.
+  moved_ = false;
+  EXPECT_EQ(cell_.Capture({}, observer_).captured, 20u);
+  std::vector<ConfigurationNumber> after = Known();
+  EXPECT_THAT(after, SizeIs(4));
+  after.resize(2);
+  EXPECT_EQ(after, before);
+  EXPECT_THAT(*cell_.database->Read()->RawImageNumbers(), SizeIs(4));
+}
+
+TEST_F(SentinelsTest, FewerThanBeforeAreTheFirstOfThem) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  cell_.robot.moves.clear();
+  cell_.settings.sentinels.count = 1;
+  MoveFrontAfter(0);
+  const CaptureReport report = cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_);
+  EXPECT_THAT(report.alarm, HasSubstr("view 'front' moved"));
+  EXPECT_THAT(cell_.Commanded(), ElementsAre(cell_.database->grid().At(Known()[0])));
+}
+
+TEST_F(SentinelsTest, ForbiddenOneDoesNotHideACameraThatMovedBetweenTwoSessions) {
+  observer_.stop_requested = [this] { return done_ == 10; };
+  EXPECT_TRUE(cell_.Capture({}, observer_).stopped);
+  observer_.stop_requested = [] { return false; };
+  // Where the second is, the corner opposite to the first.
+  ASSERT_EQ(cell_.database->grid().At(Known()[1]), (Configuration{1, 0.5}));
+  cell_.travel.emplace(cell_.database->grid(),
+                       std::vector{Region("new", {{"turn", 0.9, 1}, {"lift", 0.45, 1}})});
+  MoveFrontAfter(0);
+  const CaptureReport report = cell_.Capture({.exclude_captured = true}, observer_);
+  EXPECT_THAT(report.alarm, HasSubstr("view 'front' moved by 4.0 px"));
+  EXPECT_EQ(report.captured, 0u);
+}
+
+TEST_F(SentinelsTest, AreComparedBeforeAllOfThemAreRecapturedUnlessNewOnesAreAskedFor) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  MoveFrontAfter(0);
+  CaptureSelection selection{.kind = CaptureSelection::Kind::kListed, .listed = Known()};
+  const CaptureReport report = cell_.Capture(selection, observer_);
+  EXPECT_THAT(report.alarm, HasSubstr("view 'front' moved"));
+  EXPECT_EQ(report.captured, 0u);
+  selection.new_sentinels = true;
+  EXPECT_TRUE(cell_.Capture(selection, observer_).complete());
 }
 
 TEST_F(SentinelsTest, SomebodyMayMendItWhileTheRobotStandsStill) {
