@@ -87,6 +87,8 @@ class CaptureRun {
  private:
   absl::Status Exclude();
   absl::Status CountSuspects();
+  // What was captured since the sentinels matched last.
+  absl::Status Suspect(const std::string& why);
   // The sentinels that are not known yet, then what is planned, with visits to the sentinels
   // before, between and after.
   absl::Status CaptureAll();
@@ -130,6 +132,7 @@ class CaptureRun {
   bool first_sights_ = false;  // the sentinels are being captured
   bool unchecked_ = false;     // something was captured since the sentinels were visited
   bool going_on_ = false;      // although they did not match
+  bool suspected_ = false;     // something was marked as suspect in this session
   bool robot_lost_ = false;    // and must not move by itself
   int failures_in_a_row_ = 0;
   absl::Duration last_commit_;
@@ -171,13 +174,30 @@ CaptureReport CaptureRun::Go() {
 }
 
 absl::Status CaptureRun::CountSuspects() {
-  if (going_on_) {
-    RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), "captured although it did not match"));
+  if (going_on_) RETURN_IF_ERROR(Suspect("captured although it did not match"));
+  std::vector<ConfigurationNumber> suspects;
+  {
+    ASSIGN_OR_RETURN(const auto snapshot, parts_.database->Read());
+    ASSIGN_OR_RETURN(suspects, SuspectNumbers(snapshot));
   }
-  ASSIGN_OR_RETURN(const auto snapshot, parts_.database->Read());
-  ASSIGN_OR_RETURN(const auto suspects, SuspectNumbers(snapshot));
+  // What was recaptured is not suspect, also where the clock has not passed the suspect span yet.
+  const std::set<ConfigurationNumber> planned(plan_.captures.begin(), plan_.captures.end());
+  const bool recaptured = report_.complete() && !suspected_ &&
+                          std::ranges::all_of(suspects, [&](ConfigurationNumber number) {
+                            return planned.contains(number);
+                          });
+  if (!suspects.empty() && recaptured) {
+    RETURN_IF_ERROR(ChangeHistory(
+        *parts_.database, [](storage::v1::CaptureHistory& history) { history.clear_suspects(); }));
+    suspects.clear();
+  }
   report_.suspect = suspects.size();
   return absl::OkStatus();
+}
+
+absl::Status CaptureRun::Suspect(const std::string& why) {
+  suspected_ = true;
+  return sentinels_->Suspect(absl::Now(), why);
 }
 
 absl::Status CaptureRun::Exclude() {
@@ -265,7 +285,7 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
     static_cast<void>(StopRobot(absl::OkStatus()));
     observer_.say(*alarm);
     if (!again) {
-      RETURN_IF_ERROR(sentinels_->Suspect(absl::Now(), *alarm));
+      RETURN_IF_ERROR(Suspect(*alarm));
     }
     switch (observer_.alarm(*alarm)) {
       case AfterAlarm::kEnd:
@@ -374,7 +394,8 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
   image.masks = RobotMasks(parts_, visit);
   for (size_t v = 0; v < report_.views.size(); ++v) report_.views[v].Add(image.masks[v]);
   unchecked_ = true;
-  if (first_sights_) sentinels_->Captured(number, visit, image.masks);
+  sentinels_->Captured(image.captured);
+  if (first_sights_) sentinels_->CapturedSentinel(number, visit, image.masks);
   const bool keep =
       parts_.settings.raw_images == RawImages::kAll ||
       (parts_.settings.raw_images == RawImages::kSentinels &&

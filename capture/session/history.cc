@@ -35,9 +35,21 @@ absl::Status ChangeHistory(Database& database,
 absl::Time LastGoodCheck(const storage::v1::CaptureHistory& history) {
   absl::Time last = absl::InfinitePast();
   for (const storage::v1::SentinelCheck& check : history.checks()) {
-    if (check.alarm().empty()) last = std::max(last, TimeOf(check.time()));
+    if (check.alarm().empty()) last = TimeOf(check.time());
   }
   return last;
+}
+
+absl::StatusOr<absl::Time> LatestCapture(const Snapshot& snapshot) {
+  absl::Time latest = absl::InfinitePast();
+  const absl::Status status =
+      snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
+        if (image.ok() && !image->excluded) latest = std::max(latest, image->captured);
+        return true;
+      });
+  // Others report damaged records.
+  if (!status.ok() && !absl::IsDataLoss(status)) return status;
+  return latest;
 }
 
 absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot) {

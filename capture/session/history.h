@@ -20,8 +20,12 @@ absl::Time TimeOf(const google::protobuf::Timestamp& stamp);
 absl::Status ChangeHistory(Database& database,
                            const std::function<void(storage::v1::CaptureHistory&)>& change);
 
-// The beginning of the last check that found nothing; absl::InfinitePast() without one.
+// The beginning of the check that found nothing and was stored last, whatever the clock said
+// before; absl::InfinitePast() without one.
 absl::Time LastGoodCheck(const storage::v1::CaptureHistory& history);
+
+// The latest capture time of all robot images; absl::InfinitePast() without any.
+absl::StatusOr<absl::Time> LatestCapture(const Snapshot& snapshot);
 
 // The captured configurations that are suspect, in order. One that was recaptured since is not.
 absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot);

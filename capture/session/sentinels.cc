@@ -84,9 +84,11 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
       sentinels.to_capture_.push_back(number);
     }
   }
-  if (!plan.new_sentinels) {
-    sentinels.last_good_ = std::max(sentinels.last_good_, LastGoodCheck(history));
-  }
+  sentinels.first_baseline_ = sentinels.firsts_.empty();
+  const absl::Time good_check = LastGoodCheck(history);
+  if (!plan.new_sentinels && good_check != absl::InfinitePast()) sentinels.last_good_ = good_check;
+  // The clock ran ahead then, or is behind now.
+  if (sentinels.last_good_ > absl::Now()) sentinels.last_good_ = absl::InfinitePast();
   return sentinels;
 }
 
@@ -113,15 +115,21 @@ absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
   return absl::OkStatus();
 }
 
-void Sentinels::Captured(ConfigurationNumber number, const Visit& visit,
-                         const std::vector<Mask>& masks) {
+void Sentinels::Captured(absl::Time captured) {
+  earliest_since_ = std::min(earliest_since_, captured);
+}
+
+void Sentinels::CapturedSentinel(ConfigurationNumber number, const Visit& visit,
+                                 const std::vector<Mask>& masks) {
   First first{.views = {}, .measured = visit.measured, .captured = visit.images.captured};
   for (size_t v = 0; v < masks.size(); ++v) {
     first.views.push_back(WithShadows(v, {Grey(visit.images.images[v]).clone(), masks[v]}));
   }
   firsts_[number] = std::move(first);
-  last_good_ = std::max(last_good_, visit.images.captured);
   last_check_ = RunningNow();
+  if (!first_baseline_) return;
+  last_good_ = visit.images.captured;
+  earliest_since_ = absl::InfiniteFuture();
 }
 
 bool Sentinels::Due(absl::Duration now) const {
@@ -225,7 +233,10 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
   const std::string alarm = Alarm(complaints, visited);
   check.set_alarm(alarm);
   summary_ = Summarise(check);
-  if (alarm.empty()) last_good_ = begin;
+  if (alarm.empty()) {
+    last_good_ = begin;
+    earliest_since_ = absl::InfiniteFuture();
+  }
   absl::Status status = ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
     history.mutable_checks()->Add(std::move(check));
     const int surplus = history.checks_size() - kMostChecks;
@@ -242,9 +253,16 @@ absl::Status Sentinels::Remember() {
 }
 
 absl::Status Sentinels::Suspect(absl::Time until, const std::string& why) {
+  {
+    ASSIGN_OR_RETURN(const auto snapshot, parts_->database->Read());
+    ASSIGN_OR_RETURN(const absl::Time latest, LatestCapture(snapshot));
+    until = std::max(until, latest);
+  }
+  absl::Time after = std::min(last_good_, earliest_since_ - absl::Nanoseconds(1));
+  if (after >= until) after = absl::InfinitePast();
   return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
     storage::v1::SuspectSpan& span = *history.add_suspects();
-    SetTime(last_good_, *span.mutable_after());
+    SetTime(after, *span.mutable_after());
     SetTime(until, *span.mutable_until());
     span.set_why(why);
   });

@@ -42,8 +42,11 @@ class Sentinels {
   // Sentinels that `plan` captures, for the first time or again: before everything else.
   std::vector<ConfigurationNumber> ToCapture() const { return to_capture_; }
 
-  // Tells how a sentinel out of ToCapture() looks, which was just captured.
-  void Captured(ConfigurationNumber number, const Visit& visit, const std::vector<Mask>& masks);
+  // Tells of each configuration that was just captured.
+  void Captured(absl::Time captured);
+  // Then, of a sentinel out of ToCapture(): how it looks.
+  void CapturedSentinel(ConfigurationNumber number, const Visit& visit,
+                        const std::vector<Mask>& masks);
 
   // Keeps in the database which they are, once their robot images are there.
   absl::Status Remember();
@@ -58,6 +61,8 @@ class Sentinels {
   absl::StatusOr<std::string> Check(const Go& go);
 
   // Marks what was captured since the last check that found nothing, up to `until`, as suspect.
+  // Where the clock leaves open what that is, it marks more rather than less: all, if the check
+  // lies after `until`, and images with a time after `until`.
   absl::Status Suspect(absl::Time until, const std::string& why);
 
   // What the last check saw, in a sentence.
@@ -92,7 +97,11 @@ class Sentinels {
   std::vector<ConfigurationNumber> to_capture_;
   std::map<ConfigurationNumber, First> firsts_;
   absl::Duration last_check_ = -absl::InfiniteDuration();
+  // No sentinel was known: what they look like when they are captured is the baseline.
+  bool first_baseline_ = false;
   absl::Time last_good_ = absl::InfinitePast();
+  // The least capture time since, in this session.
+  absl::Time earliest_since_ = absl::InfiniteFuture();
   std::string summary_;
 };
 

@@ -16,6 +16,7 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::IsSupersetOf;
 using testing::Not;
 using testing::SizeIs;
 
@@ -251,6 +252,64 @@ TEST_F(SentinelsTest, AreComparedBeforeAllOfThemAreRecapturedUnlessNewOnesAreAsk
   EXPECT_EQ(report.captured, 0u);
   selection.new_sentinels = true;
   EXPECT_TRUE(cell_.Capture(selection, observer_).complete());
+}
+
+// A clock that is off by `off_`.
+struct SentinelsAndClockTest : SentinelsTest {
+  SentinelsAndClockTest() {
+    moved_ = false;
+    cell_.rig.on_grab = [this](size_t, std::vector<CameraImage>& images) {
+      if (moved_) MoveCamera(images[1], 4);
+      for (CameraImage& image : images) image.captured += off_;
+      return absl::OkStatus();
+    };
+  }
+
+  CaptureReport CaptureListed(std::vector<ConfigurationNumber> listed) {
+    return cell_.Capture({.kind = CaptureSelection::Kind::kListed, .listed = std::move(listed)},
+                         observer_);
+  }
+
+  absl::Duration off_;
+};
+
+TEST_F(SentinelsAndClockTest, AfterASessionWhoseClockRanAheadAllIsSuspectUntilRecaptured) {
+  off_ = absl::Hours(1);
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  off_ = absl::ZeroDuration();
+  moved_ = true;
+  const CaptureReport report = cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_);
+  EXPECT_THAT(report.alarm, HasSubstr("view 'front' moved"));
+  EXPECT_EQ(report.suspect, 30u);
+  moved_ = false;
+  const CaptureReport again = CaptureListed(Suspects());
+  EXPECT_TRUE(again.complete()) << again.alarm;
+  EXPECT_EQ(again.captured, 30u);
+  EXPECT_THAT(Suspects(), IsEmpty());
+}
+
+TEST_F(SentinelsAndClockTest, WhatIsCapturedAfterTheClockWasSetBackIsSuspect) {
+  observer_.progress = [this](uint64_t done) {
+    if (done == 10) off_ = -absl::Hours(1);
+    moved_ = done >= 20;
+  };
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_THAT(report.alarm, HasSubstr("view 'front' moved"));
+  EXPECT_GE(report.suspect, 28u);
+}
+
+TEST_F(SentinelsAndClockTest, WhatASessionWithAClockThatIsBehindRecapturedIsSuspect) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  const auto order = cell_.travel->Serpentine();
+  const std::vector<ConfigurationNumber> some(order.begin() + 10, order.begin() + 13);
+  off_ = -absl::Hours(24);
+  observer_.stop_requested = [this] { return done_ == 2; };
+  EXPECT_TRUE(CaptureListed(some).stopped);
+  observer_.stop_requested = [] { return false; };
+  off_ = absl::ZeroDuration();
+  moved_ = true;
+  EXPECT_THAT(CaptureListed({some[2]}).alarm, HasSubstr("view 'front' moved"));
+  EXPECT_THAT(Suspects(), IsSupersetOf({some[0], some[1]}));
 }
 
 TEST_F(SentinelsTest, SomebodyMayMendItWhileTheRobotStandsStill) {
