@@ -39,7 +39,8 @@ struct CaptureReport {
   // Configurations to which there is no way around the forbidden regions.
   uint64_t unreachable = 0;
 
-  // What no longer matched when the sentinels were visited last; empty: all did.
+  // What no longer matched when the sentinels were visited last, or that none could be visited;
+  // empty: all matched.
   std::string alarm;
   uint64_t sentinel_checks = 0;
   // Robot images in the database that were captured while the cell may have been changed.

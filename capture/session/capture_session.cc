@@ -216,6 +216,15 @@ absl::Status CaptureRun::CaptureAll() {
   ASSIGN_OR_RETURN(Sentinels sentinels, Sentinels::Open(parts_, plan_));
   sentinels_ = std::move(sentinels);
   if (plan_.captures.empty() && !plan_.check_sentinels) return absl::OkStatus();
+  if (plan_.check_sentinels && !sentinels_->Known()) {
+    return absl::FailedPreconditionError(
+        parts_.settings.sentinels.count == 0
+            ? "there are no control configurations to check: state 'sentinels: {count: 3}' in "
+              "'capture' of the cell file, and capture them with: silhouette-capture run "
+              "--new-sentinels"
+            : "there are no control configurations to check yet; capture them with: "
+              "silhouette-capture run --new-sentinels");
+  }
   const std::vector<ConfigurationNumber> first = sentinels_->ToCapture();
   absl::StatusOr<bool> go_on = true;
   if (sentinels_->Known()) go_on = CheckSentinels();

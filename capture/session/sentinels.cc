@@ -214,23 +214,30 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
   storage::v1::SentinelCheck check;
   std::vector<Complaints> complaints(parts_->references.size());
   int visited = 0;
+  std::string why_not;
   absl::Time begin = absl::InfiniteFuture();
   for (const ConfigurationNumber number : numbers_) {
     const auto first = firsts_.find(number);
     if (first == firsts_.end()) continue;
     ASSIGN_OR_RETURN(const Visit visit, go(number));
-    if (visit.outcome != Visit::Outcome::kTaken) continue;
+    if (visit.outcome != Visit::Outcome::kTaken) {
+      why_not = visit.why;
+      continue;
+    }
     ++visited;
     begin = std::min(begin, visit.images.captured);
     Note(number, first->second, visit, check, complaints);
   }
   last_check_ = RunningNow();
-  if (check.sights().empty()) {
-    summary_ = "no sentinel could be reached";
-    return std::string();
-  }
-  SetTime(begin, *check.mutable_time());
-  const std::string alarm = Alarm(complaints, visited);
+  SetTime(visited == 0 ? absl::Now() : begin, *check.mutable_time());
+  const std::string alarm =
+      visited == 0 ? absl::StrCat(
+                         "no control configuration could be visited, so nothing shows whether the "
+                         "cell changed (",
+                         why_not,
+                         "): correct that, or take other control configurations with: "
+                         "silhouette-capture run --new-sentinels")
+                   : Alarm(complaints, visited);
   check.set_alarm(alarm);
   summary_ = Summarise(check);
   if (alarm.empty()) {

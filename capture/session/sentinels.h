@@ -56,8 +56,8 @@ class Sentinels {
   bool Due(absl::Duration now) const;  // running clock
 
   // Visits all that are known, compares, and keeps in the database what came out. In plain words
-  // what no longer matches, empty: all does. Errors: those of `go` and of the database. A sentinel
-  // that the robot cannot get to is left out.
+  // what no longer matches, or that none could be visited; empty: all match. Errors: those of `go`
+  // and of the database. If the robot gets to some, those it cannot get to are left out.
   absl::StatusOr<std::string> Check(const Go& go);
 
   // Marks what was captured since the last check that found nothing, up to `until`, as suspect.

@@ -376,6 +376,43 @@ TEST_F(SentinelsTest, AloneCanBeVisited) {
   EXPECT_THAT(cell_.Capture(nothing, observer_).alarm, HasSubstr("view 'front' moved"));
 }
 
+TEST_F(SentinelsTest, ThatCannotBeVisitedAreNoGoodCheck) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  cell_.robot.on_state = [](RobotState& state) {
+    state.positions[1] += 0.1;
+    return absl::OkStatus();
+  };
+  const CaptureSelection nothing{.kind = CaptureSelection::Kind::kNothing};
+  const CaptureReport report = cell_.Capture(nothing, observer_);
+  EXPECT_FALSE(report.complete());
+  EXPECT_THAT(report.alarm, HasSubstr("no control configuration could be visited"));
+  EXPECT_THAT(report.alarm, HasSubstr("off by 0.1000"));
+  EXPECT_THAT(report.alarm, HasSubstr("--new-sentinels"));
+  cell_.robot.on_state = nullptr;
+  EXPECT_TRUE(cell_.Capture(nothing, observer_).complete());
+}
+
+TEST_F(SentinelsTest, OneThatCannotBeVisitedLeavesTheOthers) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  cell_.robot.on_state = [this](RobotState& state) {
+    if (cell_.robot.at[2] > 0.9) state.positions[1] += 0.1;
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_).complete());
+}
+
+TEST_F(SentinelsTest, ThatAreNotKnownCannotBeVisitedAlone) {
+  const CaptureSelection nothing{.kind = CaptureSelection::Kind::kNothing};
+  CaptureReport report = cell_.Capture(nothing, observer_);
+  EXPECT_TRUE(absl::IsFailedPrecondition(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(), HasSubstr("--new-sentinels"));
+  cell_.settings.sentinels.count = 0;
+  report = cell_.Capture(nothing, observer_);
+  EXPECT_TRUE(absl::IsFailedPrecondition(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(), HasSubstr("state 'sentinels: {count: 3}'"));
+  EXPECT_TRUE(cell_.robot.moves.empty());
+}
+
 TEST_F(SentinelsTest, OfACellThatKeepsNoImagesAreComparedByTheirMasks) {
   cell_.settings.raw_images = RawImages::kNone;
   ASSERT_TRUE(cell_.Capture({}, observer_).complete());
