@@ -46,8 +46,8 @@ class Robot {
   virtual const std::vector<std::string>& joints() const = 0;
 
   // Moves to `positions`, in the order of joints(), and returns when the robot has arrived.
-  // InvalidArgument: not as many values as joints, or beyond a limit. DeadlineExceeded: it did not
-  // arrive. Unavailable: no connection. After every failure the robot has received a stop command.
+  // InvalidArgument: wrong number of values, or beyond a limit. DeadlineExceeded: no arrival.
+  // Unavailable: no connection. Cancelled: an operator stops. Each failure ends in a stop command.
   virtual absl::Status MoveTo(std::span<const double> positions) = 0;
 
   virtual absl::StatusOr<RobotState> State() = 0;

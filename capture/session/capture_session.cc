@@ -100,8 +100,9 @@ class CaptureRun {
   absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
   // Once. A robot that was lost does not move before somebody says that it may.
   absl::StatusOr<Visit> VisitOnce(ConfigurationNumber number);
-  // Whether VisitPatiently ended because somebody did not want to wait for a lost device.
-  bool StoppedWaiting(const absl::Status& status) const;
+  // Whether VisitPatiently ended because the operator stopped the robot, or did not want to wait
+  // for a lost device.
+  bool Stopped(const absl::Status& status) const;
   // Commits now unless the next configuration will be done before it is due.
   absl::Status CommitIfDue(absl::Duration now);
   absl::Status CheckDisk() const;
@@ -261,6 +262,7 @@ absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNu
     }
     RETURN_IF_ERROR(CommitIfDue(begin));
     RETURN_IF_ERROR(CaptureOne(number));
+    if (report_.stopped) return false;
     last_cycle_ = RunningNow() - begin;
     observer_.progress(++done_);
   }
@@ -273,8 +275,9 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
     RETURN_IF_ERROR(writer_.Commit());
     const absl::StatusOr<std::string> alarm =
         sentinels_->Check([this](ConfigurationNumber number) { return VisitPatiently(number); });
-    if (StoppedWaiting(alarm.status())) {
+    if (Stopped(alarm.status())) {
       report_.stopped = true;
+      static_cast<void>(StopRobot(absl::OkStatus()));
       return false;
     }
     if (!alarm.ok()) return StopRobot(alarm.status());
@@ -308,8 +311,8 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
   }
 }
 
-bool CaptureRun::StoppedWaiting(const absl::Status& status) const {
-  return absl::IsUnavailable(status) && observer_.stop_requested();
+bool CaptureRun::Stopped(const absl::Status& status) const {
+  return absl::IsCancelled(status) || (absl::IsUnavailable(status) && observer_.stop_requested());
 }
 
 absl::StatusOr<Visit> CaptureRun::VisitOnce(ConfigurationNumber number) {
@@ -367,7 +370,8 @@ absl::Status CaptureRun::CheckDisk() const {
 
 absl::Status CaptureRun::CaptureOne(ConfigurationNumber number) {
   const absl::StatusOr<Visit> visit = VisitPatiently(number);
-  if (StoppedWaiting(visit.status())) return absl::OkStatus();
+  report_.stopped = Stopped(visit.status());
+  if (report_.stopped) return StopRobot(absl::OkStatus());
   if (!visit.ok()) return StopRobot(visit.status());
   switch (visit->outcome) {
     case Visit::Outcome::kTaken:

@@ -42,8 +42,9 @@ class CaptureSession {
   // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
   // measure again, difference, store. A configuration where a joint is off by more than the
   // tolerance is not stored; it counts as failed. A device's error ends the session and stops the
-  // robot. FailedPrecondition: the first images are not those of the robot (FirstLook); none of
-  // them is stored. Or only the sentinels are to be visited, and none is known.
+  // robot. An operator who stops the robot (Cancelled) stops the session. FailedPrecondition: the
+  // first images are not those of the robot (FirstLook); none of them is stored. Or only the
+  // sentinels are to be visited, and none is known.
   CaptureReport Run(const CapturePlan& plan, const std::string& program,
                     const CaptureObserver& observer = {});
 

@@ -553,6 +553,33 @@ TEST_F(SentinelsTest, RobotThatDoesNotComeBackEndsTheSessionSafely) {
   EXPECT_GE(cell_.robot.stops, 1);
 }
 
+TEST_F(SentinelsTest, OperatorWhoStopsTheRobotStopsTheSessionWithoutAFault) {
+  for (const size_t last : {1u, 10u, 30u}) {
+    cell_.robot.moves.clear();
+    cell_.robot.on_move = [&](size_t move) {
+      return move == last ? absl::CancelledError("stopped by the operator") : absl::OkStatus();
+    };
+    const CaptureReport report = cell_.Capture({.kind = CaptureSelection::Kind::kAll}, observer_);
+    EXPECT_TRUE(report.status.ok()) << report.status;
+    EXPECT_TRUE(report.stopped);
+    EXPECT_EQ(report.captured, last - 1);
+    EXPECT_THAT(cell_.robot.moves, SizeIs(last)) << "it is asked to move on";
+  }
+  cell_.robot.on_move = nullptr;
+  EXPECT_TRUE(cell_.Capture({}, observer_).complete());
+}
+
+TEST_F(SentinelsTest, OperatorWhoStopsTheRobotOnItsWayToASentinelStopsTheSession) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  cell_.robot.moves.clear();
+  cell_.robot.on_move = [](size_t) { return absl::CancelledError("stopped by the operator"); };
+  const CaptureReport report = cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_);
+  EXPECT_TRUE(report.status.ok()) << report.status;
+  EXPECT_TRUE(report.stopped);
+  EXPECT_EQ(report.sentinel_checks, 0u);
+  EXPECT_THAT(cell_.robot.moves, SizeIs(1));
+}
+
 TEST_F(SentinelsTest, RobotThatDoesNotArriveIsNotSentAgainAndAgain) {
   cell_.settings.retry = absl::Hours(1);
   cell_.robot.on_move = [](size_t move) {
