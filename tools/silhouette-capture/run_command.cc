@@ -80,7 +80,7 @@ void WriteEnd(const CaptureReport& report, SessionLog& log) {
   if (!report.status.ok()) {
     absl::StrAppend(&end, ": ", report.status.message());
   } else if (!report.alarm.empty()) {
-    absl::StrAppend(&end, ": the cell is not as it was");
+    absl::StrAppend(&end, ": the control configurations do not show that the cell is as it was");
   } else if (report.stopped) {
     end += ": somebody stopped it";
   }
@@ -134,7 +134,7 @@ void TellSuspects(const RunOptions& options, const CaptureReport& report) {
 
 ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
   const std::string run = options.cell.Command("run");
-  std::cerr << "put it back, and look whether it matches with: " << run << " --only sentinels\n"
+  std::cerr << "correct that, and check whether it matches with: " << run << " --only sentinels\n"
             << "or accept the change, recapture reference images and robot images: "
             << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
   TellSuspects(options, report);
@@ -283,7 +283,7 @@ void AddRun(CLI::App& app, Work& work) {
       "  silhouette-capture run --cell cell.yaml --only outliers\n"
       "  silhouette-capture run --cell cell.yaml --only sentinels    (is the cell as it was?)\n"
       "  silhouette-capture run --cell cell.yaml --variant gripper-open\n"
-      "Exit codes: 0 all is captured; 1 stopped, the cell is not as it was, or some "
+      "Exit codes: 0 all is captured; 1 stopped, the cell may not be as it was, or some "
       "configurations\n"
       "could not be captured; 2 wrong arguments or files; 3 a device or the disk failed.");
   const auto options = std::make_shared<RunOptions>();

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <optional>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/numbers.h"
@@ -14,6 +16,7 @@
 #include "absl/time/clock.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
+#include "capture/session/sentinels.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/outliers.h"
@@ -71,14 +74,21 @@ absl::StatusOr<CaptureSelection> Select(const PlanArguments& arguments, const Da
   return selection;
 }
 
-// Adds the sentinels that the database knows.
-absl::Status AddSentinels(const Database& database, CaptureSelection& selection) {
+// Adds `count` sentinels: those that the database knows, and others if these are too few.
+absl::Status AddSentinels(const Database& database, const Travel& travel, int count,
+                          CaptureSelection& selection) {
   ASSIGN_OR_RETURN(const auto snapshot, database.Read());
   ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   selection.kind = CaptureSelection::Kind::kListed;
-  for (const ConfigurationNumber number : history.sentinels()) {
-    if (database.grid().Contains(number)) selection.listed.push_back(number);
-  }
+  const auto may_visit = [&](ConfigurationNumber number) {
+    return travel.grid().Contains(number) && !travel.Forbidden(number);
+  };
+  Numbers known;
+  std::ranges::copy_if(history.sentinels(), std::back_inserter(known), may_visit);
+  Numbers all;
+  std::ranges::copy_if(travel.Serpentine(), std::back_inserter(all), may_visit);
+  const Numbers sentinels = WellSpread(travel.grid(), all, count, std::move(known));
+  selection.listed.insert(selection.listed.end(), sentinels.begin(), sentinels.end());
   return absl::OkStatus();
 }
 
@@ -100,7 +110,7 @@ absl::StatusOr<CapturePlan> MakePlan(const PlanArguments& arguments,
   if (database != nullptr) {
     ASSIGN_OR_RETURN(records, ReadRecords(*database));
     if (arguments.new_sentinels && selection.kind != CaptureSelection::Kind::kAll) {
-      RETURN_IF_ERROR(AddSentinels(*database, selection));
+      RETURN_IF_ERROR(AddSentinels(*database, travel, cell.capture.sentinels.count, selection));
     }
   }
   auto plan = PlanCapture(DescriptionOf(cell), travel, records, cell.capture, selection);

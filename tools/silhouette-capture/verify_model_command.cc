@@ -284,7 +284,7 @@ absl::StatusOr<ExitCode> DriveAndCompare(const VerifyModelOptions& options, cons
                                          const ModelOfCell& model) {
   std::vector<ModelSample> samples;
   absl::Status status = DriveToSamples(options, file, model, samples);
-  if (status.ok() && samples.size() < options.sample) {
+  if (absl::IsCancelled(status) || (status.ok() && samples.size() < options.sample)) {
     std::cerr << "stopped; nothing was verified" << std::endl;
     TellKept(options, file, samples.size());
     return kNo;

@@ -74,7 +74,7 @@ TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
   EXPECT_THAT(log, HasSubstr("session begins: cell 'small'"));
   EXPECT_THAT(log, HasSubstr("session ends; captured 45 of 45 configurations"));
   EXPECT_THAT(log, HasSubstr("the session pauses and the robot stands still: view 'front' moved"));
-  EXPECT_THAT(log, HasSubstr("session ends: the cell is not as it was"));
+  EXPECT_THAT(log, HasSubstr("session ends: the control configurations do not show that"));
 
   // The session left a report, too.
   EXPECT_TRUE(std::filesystem::exists(cell.database() + ".report/report.html"));
@@ -88,6 +88,34 @@ TEST(CaptureSessions, CameraThatWasTurnedOvernightIsNamedWithItsPixels) {
   EXPECT_THAT(report["alarms"], SizeIs(1));
   EXPECT_EQ(report["captured"], 45);
   EXPECT_EQ(report["sentinel_checks"], 2);
+}
+
+TEST(CaptureSessions, SentinelsAreTakenLaterOnRequestAndAreNoGoodCheckBefore) {
+  ProgramCell cell;
+  cell.WriteCell({{"commit_interval: 20 ms", "commit_interval: 20 ms\n  sentinels: {count: 0}"}});
+  cell.CaptureAll();
+  cell.WriteCell({});
+  Outcome outcome = cell.Run(cell.Arguments("run", {"--only", "sentinels"}));
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("silhouette-capture run --new-sentinels"));
+  outcome = cell.Run(cell.Arguments("run", {"--new-sentinels", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(SessionProgramJson(outcome.out)["captured"], 3);
+  outcome = cell.Run(cell.Arguments("run", {"--only", "sentinels", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(SessionProgramJson(outcome.out)["sentinel_checks"], 1);
+}
+
+TEST(CaptureSessions, OperatorWhoTypesStopStopsTheSessionWithoutAFault) {
+  ProgramCell cell;
+  cell.TakeReferences();
+  cell.WriteCell({{"driver: sim", "driver: manual"}});
+  WriteText(cell / "in.txt", "-150 40 -120 0 20 0\nstop\n");
+  const Outcome outcome = cell.Run(cell.Arguments("run", {"--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_EQ(SessionProgramJson(outcome.out)["state"], "stopped");
+  EXPECT_THAT(outcome.err, HasSubstr("or stop: "));
+  EXPECT_THAT(outcome.err, HasSubstr("stopped, 45 configurations are left; go on with: "));
 }
 
 TEST(CaptureSessions, WhatIsSuspectIsNamedAndMended) {
