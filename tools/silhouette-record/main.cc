@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-record: records what silhouette-server sees and answers.
+#include <fcntl.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -232,6 +234,20 @@ class Program {
   std::string path_of_stop_;
 };
 
+// Keeps other recorders out of the folder until this process ends, however it ends: they would
+// remove each other's files. FailedPrecondition if one is there. A disk that has no locks keeps
+// nobody out.
+absl::Status TakeFolder(const std::string& folder) {
+  const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (file < 0 || flock(file, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) {
+    return absl::OkStatus();
+  }
+  close(file);
+  return FailedPrecondition("--folder ", folder,
+                            ": another silhouette-record writes into it; name another folder, one "
+                            "folder per recorder");
+}
+
 absl::StatusOr<ExitCode> Record(const Arguments& arguments) {
   std::error_code error;
   std::filesystem::create_directories(arguments.recorder.folder, error);
@@ -239,6 +255,7 @@ absl::StatusOr<ExitCode> Record(const Arguments& arguments) {
     error.assign(errno, std::generic_category());
   }
   if (error) return InvalidArgument("--folder ", arguments.recorder.folder, ": ", error.message());
+  RETURN_IF_ERROR(TakeFolder(arguments.recorder.folder));
   ASSIGN_OR_RETURN(Client client,
                    Client::Connect(arguments.server, absl::Seconds(10), arguments.tls));
   return Program(std::move(client), arguments).Run();

@@ -119,6 +119,26 @@ TEST_F(RecordProgram, OnlyStopsLeavesOutTheRest) {
   EXPECT_THAT(Files("stop-"), SizeIs(1));
 }
 
+TEST_F(RecordProgram, SecondRecorderOfAFolderIsRefusedAndTheFirstKeepsItsFile) {
+  Publish(kNothing);
+  const auto first = Start("silhouette-record --folder r --files 1", "first");
+  std::vector<std::string> files;
+  for (int i = 0; i < 500 && files.empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    if (fs::exists(cell_.shell().folder() / "r")) files = Files("recording-");
+  }
+  ASSERT_THAT(files, SizeIs(1));
+  const std::string again = "timeout --foreground --preserve-status -s INT 3 " + ProgramFolder() +
+                            "/silhouette-record " + cell_.address() + " --folder r/ --files 1";
+  const Ended second = cell_.shell().Run(again);
+  EXPECT_EQ(second.exit_code, 2);
+  EXPECT_THAT(second.err, AllOf(HasSubstr("--folder r/: another silhouette-record writes into it"),
+                                HasSubstr("one folder per recorder")));
+  EXPECT_EQ(Files("recording-"), files);
+  ASSERT_EQ(first->End(SIGINT), 0);
+  EXPECT_EQ(cell_.shell().Run(again).exit_code, 0) << "the folder is free again";
+}
+
 TEST_F(RecordProgram, StopThatTheDiskDoesNotTakeIsSaidToWaitAndIsWrittenLater) {
   Publish(kNothing);
   const auto record = Start("silhouette-record --folder r --only-stops", "record");
