@@ -345,12 +345,14 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments, cell, robot));
   arguments.flange_board = settings.flange_board;
   RETURN_IF_ERROR(MakeFolder(settings.folder));
-  ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot));
+  ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot, settings.flange));
   if (!arguments.resume && !record.frames.empty()) {
     return absl::AlreadyExistsError(
         absl::StrCat("'", settings.folder, "' has ", record.frames.size(),
                      " frames of a session; go on with it (--resume), or name another folder"));
   }
+  // The solution reads the files: robot_poses.csv is that of the robot's model as it is now.
+  if (!record.frames.empty()) RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
   ASSIGN_OR_RETURN(const auto devices, OpenDevicesForCalibration(cell));
   const absl::Status recorded =
       RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);

@@ -57,6 +57,11 @@ std::string JointsText(const RobotModel& robot, const SessionRecord& record) {
   return text;
 }
 
+RobotPose PoseOf(const RobotModel& robot, size_t flange, const std::string& frame,
+                 const PosePlan::Positions& positions) {
+  return {.frame = frame, .base_from_flange = robot.LinkPoses(positions)[flange]};
+}
+
 // Poses in vain, for each frame that is wanted, before giving up; and before the first frame.
 constexpr size_t kMostInVain = 6;
 constexpr size_t kMostBeforeFirst = 20;
@@ -162,8 +167,7 @@ class Recorder {
     }
     record.frames.push_back(frame);
     record.positions.push_back(positions);
-    record.robot_poses.push_back(
-        {.frame = frame, .base_from_flange = robot_.LinkPoses(positions)[settings_.flange]});
+    record.robot_poses.push_back(PoseOf(robot_, settings_.flange, frame, positions));
     record.sightings.insert(record.sightings.end(), sightings.begin(), sightings.end());
     RETURN_IF_ERROR(WriteRecord(settings_.folder, robot_, record));
     return views;
@@ -215,7 +219,8 @@ absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
   return ReplaceFile(PathIn(folder, "corners.csv"), SightingFileText(record.sightings));
 }
 
-absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot) {
+absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
+                                         size_t flange) {
   SessionRecord record;
   const std::string corners = PathIn(folder, "corners.csv");
   if (!fs::exists(corners)) return record;
@@ -229,15 +234,9 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
       ASSIGN_OR_RETURN(const double value, row.Number(j + 1));
       record.positions.back().push_back(value);
     }
+    record.robot_poses.push_back(PoseOf(robot, flange, row.Text(0), record.positions.back()));
   }
-  const std::string poses = PathIn(folder, "robot_poses.csv");
-  ASSIGN_OR_RETURN(const std::string poses_text, ReadWholeFile(poses));
-  ASSIGN_OR_RETURN(record.robot_poses, RobotPosesFromText(poses_text, poses));
   ASSIGN_OR_RETURN(record.sightings, ReadSightings(corners));
-  if (record.robot_poses.size() != record.frames.size()) {
-    return InvalidArgument(poses, " and ", joints,
-                           " have different frames; start with an empty folder");
-  }
   return record;
 }
 

@@ -29,8 +29,11 @@ struct SessionRecord {
   std::vector<TagSighting> sightings;
 };
 
-// The record of a folder; empty if there is none. InvalidArgument: its files contradict each other.
-absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot);
+// The record of a folder; empty if there is none. Its robot poses are those of the link `flange` by
+// `robot` at the recorded joint values, whatever robot_poses.csv says. InvalidArgument: a file is
+// wrong, or of a robot with other joints.
+absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
+                                         size_t flange);
 
 // Each file is whole at any time. Errors: those of WriteWholeFile.
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,

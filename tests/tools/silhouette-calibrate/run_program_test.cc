@@ -16,6 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::HasSubstr;
+using testing::Not;
 
 const std::string kDemo = SourceFolder() + "/capture/sim/cells/demo";
 
@@ -76,6 +77,25 @@ TEST_F(CalibrateRun, GoesOnWithWhatThereIs) {
   const std::string after = ContentOf(fs::path(session()) / "joints.csv");
   EXPECT_EQ(after.substr(0, before.size()), before);
   EXPECT_THAT(after, HasSubstr("\n0005,"));
+}
+
+TEST_F(CalibrateRun, ResumedHasItsPosesByTheRobotsModelAndTheFlangeLinkOfNow) {
+  const std::string resume = "--frames 3 --resume --cameras " + Lenses();
+  const fs::path poses = fs::path(session()) / "robot_poses.csv";
+  RunSession(resume);
+  const std::string whole = ContentOf(poses);
+  ASSERT_THAT(whole, HasSubstr("\n0003,"));
+  // As a kill between the two files leaves it.
+  WriteFile(poses, whole.substr(0, whole.find("0003,")));
+  RunSession(resume);
+  EXPECT_EQ(ContentOf(poses), whole) << err();
+  RunSession(resume + " --flange-link wrist");
+  const std::string of_wrist = ContentOf(poses);
+  EXPECT_THAT(of_wrist, HasSubstr("\n0003,"));
+  for (const std::string& row :
+       {whole.substr(whole.find("0001,"), 30), whole.substr(whole.find("0003,"), 30)}) {
+    EXPECT_THAT(of_wrist, Not(HasSubstr(row)));
+  }
 }
 
 // One camera near a robot that carries a larger board.
