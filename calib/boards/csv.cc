@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -20,8 +21,15 @@
 namespace silhouette {
 namespace {
 
+// What follows a byte-order mark.
+absl::string_view WithoutMark(absl::string_view text) {
+  absl::ConsumePrefix(&text, "\xEF\xBB\xBF");
+  return text;
+}
+
 // The fields of a line; nothing if a quote is open or text follows a closed one.
 std::optional<std::vector<std::string>> Fields(absl::string_view line) {
+  absl::ConsumeSuffix(&line, "\r");
   std::vector<std::string> fields(1);
   bool quoted = false;
   bool closed = false;
@@ -57,6 +65,11 @@ std::optional<std::vector<std::string>> Fields(absl::string_view line) {
 absl::StatusOr<std::vector<size_t>> Places(const std::vector<std::string>& header,
                                            const std::vector<std::string>& columns,
                                            const std::string& place) {
+  if (header.size() == 1 && columns.size() > 1 && absl::StrContains(header[0], ';')) {
+    return InvalidArgument(place,
+                           ": ';' separates the columns; save the file with commas, and "
+                           "numbers with a point");
+  }
   std::vector<size_t> places(columns.size(), header.size());
   for (size_t i = 0; i < header.size(); ++i) {
     const std::string name(absl::StripAsciiWhitespace(header[i]));
@@ -109,11 +122,9 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
     std::iota(places->begin(), places->end(), 0);
   }
   int number = 0;
-  for (absl::string_view line : absl::StrSplit(text, '\n')) {
+  for (const absl::string_view line : absl::StrSplit(WithoutMark(text), '\n')) {
     const std::string place = absl::StrCat(file, ":", ++number);
-    if (number == 1) absl::ConsumePrefix(&line, "\xEF\xBB\xBF");  // a byte-order mark
     if (absl::StripAsciiWhitespace(line).empty()) continue;
-    absl::ConsumeSuffix(&line, "\r");
     std::optional<std::vector<std::string>> fields = Fields(line);
     if (!fields) {
       return InvalidArgument(place, ": the double quotes do not match");
@@ -139,6 +150,16 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
                            absl::StrJoin(columns, ","));
   }
   return rows;
+}
+
+std::vector<std::string> CsvColumns(absl::string_view text) {
+  for (const absl::string_view line : absl::StrSplit(WithoutMark(text), '\n')) {
+    if (absl::StripAsciiWhitespace(line).empty()) continue;
+    std::vector<std::string> names = Fields(line).value_or(std::vector<std::string>());
+    for (std::string& name : names) absl::StripAsciiWhitespace(&name);
+    return names;
+  }
+  return {};
 }
 
 std::string CsvField(absl::string_view text) {

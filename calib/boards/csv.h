@@ -42,6 +42,10 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
                                             const std::vector<std::string>& columns,
                                             CsvHeader header = CsvHeader::kExact);
 
+// The names in the first line of such a table, for one whose columns are not known before; none if
+// there is no such line, or a quote in it is open.
+std::vector<std::string> CsvColumns(absl::string_view text);
+
 // A field as it is written: in quotes if it needs them.
 std::string CsvField(absl::string_view text);
 // A number with as few digits as give the same number when they are read.

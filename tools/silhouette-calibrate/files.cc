@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -29,16 +28,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kFullTurn = 2 * 3.14159265358979323846;
-
-// The names in a table's first line.
-std::vector<std::string> HeaderOf(const std::string& text) {
-  const std::string line = text.substr(0, text.find('\n'));
-  std::vector<std::string> names;
-  for (absl::string_view name : absl::StrSplit(line, ',')) {
-    names.emplace_back(absl::StripAsciiWhitespace(name));
-  }
-  return names;
-}
 
 // The value of the joint `name`, in radians or metres.
 absl::StatusOr<double> JointValue(const RobotModel& robot, AngleUnit unit, const std::string& name,
@@ -190,7 +179,7 @@ absl::StatusOr<std::vector<RobotPose>> RobotPosesOfJoints(const std::string& tex
         file, ": the file is empty; its first line is frame and the names of the joints");
   }
   std::vector<std::string> columns = {"frame"};
-  for (const std::string& name : HeaderOf(text)) {
+  for (const std::string& name : CsvColumns(text)) {
     if (name != "frame") columns.push_back(name);
   }
   ASSIGN_OR_RETURN(const std::vector<CsvRow> rows, CsvRows(text, file, columns));

@@ -274,6 +274,28 @@ TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("joints.csv:2"), HasSubstr("--degrees")));
 }
 
+TEST_F(CalibratePosesProgram, JointValuesOfSpreadsheetsAreReadOrTheirSemicolonsAreNamed) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  const std::string text = JointText(rig, 1);
+  WriteRig(rig);
+  const std::string poses =
+      absl::StrCat(kFiles, "--joints joints.csv --urdf ", kUrdf, " --flange-board flange --out ");
+  Write("joints.csv", absl::StrCat("\xEF\xBB\xBF", absl::StrReplaceAll(text, {{"\n", "\r\n"}})));
+  const Ended excel = Run(poses + "excel");
+  EXPECT_EQ(excel.exit_code, 0) << excel.err;
+  const size_t rows = text.find('\n');
+  const std::string names = absl::StrReplaceAll(text.substr(0, rows), {{",", "\",\""}});
+  Write("joints.csv", absl::StrCat("\"", names, "\"", text.substr(rows)));
+  const Ended r = Run(poses + "r");
+  EXPECT_EQ(r.exit_code, 0) << r.err;
+  Write("joints.csv", absl::StrReplaceAll(text, {{",", ";"}, {".", ","}}));
+  const Ended semicolons = Run(poses + "semicolons");
+  EXPECT_EQ(semicolons.exit_code, 2);
+  EXPECT_THAT(semicolons.err, HasSubstr("joints.csv:1: ';' separates the columns; save the file "
+                                        "with commas, and numbers with a point"));
+}
+
 TEST_F(CalibratePosesProgram, EyeInHandAndSurveyedBoardsAreTakenTogether) {
   PoseRig rig(6, 2);
   Eigen::Isometry3d hand = Eigen::Isometry3d::Identity();
