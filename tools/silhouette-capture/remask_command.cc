@@ -13,6 +13,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
+#include "db/store/writer_lock.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
@@ -30,11 +31,14 @@ struct RemaskArguments {
 };
 
 // An empty database beside the place where it, or its masks, will be. What an earlier attempt left
-// there goes.
+// there goes. FailedPrecondition: another remask is writing there.
 absl::StatusOr<std::unique_ptr<Database>> MakeBeside(const std::string& folder,
                                                      storage::v1::CellDescription description,
                                                      const Cell& cell, const Database& source) {
-  RemoveDatabase(folder);
+  if (std::filesystem::exists(folder)) {
+    ASSIGN_OR_RETURN(const WriterLock lock, WriterLock::Take(folder));
+    RemoveDatabase(folder);
+  }
   description.set_segmentation(Describe(cell.segmentation));
   *description.mutable_tile_edges() = source.cell().tile_edges();
   return Database::Create(folder, description);

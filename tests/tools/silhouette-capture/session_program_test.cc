@@ -9,6 +9,7 @@
 #include <numbers>
 #include <regex>
 
+#include "db/store/store.h"
 #include "tests/capture/session/program_cell.h"
 
 namespace silhouette {
@@ -264,6 +265,24 @@ TEST(CaptureSessions, RemaskThatIsKilledLeavesTheDatabaseAsItWasAndCanBeBegunAga
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
   EXPECT_NE(cell.Content(), before);
   EXPECT_FALSE(std::filesystem::exists(cell.database() + ".remask"));
+}
+
+TEST(CaptureSessions, RemaskLeavesTheDatabaseThatAnotherRemaskIsWriting) {
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.CaptureAll();
+  const std::string part = cell / "other.lmdb.part";
+  auto other = Database::Create(
+      part, Database::Open(cell.database(), Database::Access::kRead).value()->cell());
+  ASSERT_TRUE(other.ok()) << other.status();
+  const std::vector<std::string> remask = cell.Arguments("remask", {"--into", cell / "other.lmdb"});
+  Outcome outcome = cell.Run(remask);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("is writing to it; end that first"));
+  EXPECT_TRUE(std::filesystem::exists(part + "/data.mdb"));
+  other->reset();
+  outcome = cell.Run(remask);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
 }
 
 TEST(CaptureSessions, MasksWithoutImagesCannotBeMadeAnew) {
