@@ -3,10 +3,12 @@
 
 #include <zlib.h>
 
+#include <bit>
 #include <cstdint>
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/picture/files.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 namespace {
@@ -47,6 +49,19 @@ cv::Mat ImageOfBytes(std::string_view bytes, int flags) {
   } catch (const cv::Exception&) {
     return {};  // too large an image, or a damaged one
   }
+}
+
+absl::Status CheckUsedBits(const std::string& name, std::string_view bytes, const cv::Mat& image) {
+  constexpr double kMost = (1 << 12) - 1;
+  if (cv::norm(image, cv::NORM_INF) > kMost / 256) return absl::OkStatus();
+  const cv::Mat deep = ImageOfBytes(
+      bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  if (deep.empty() || deep.depth() != CV_16U) return absl::OkStatus();
+  const auto most = static_cast<unsigned>(cv::norm(deep, cv::NORM_INF));
+  if (most == 0 || most > kMost) return absl::OkStatus();
+  return InvalidArgument(name, " uses the lower ", std::bit_width(most),
+                         " of its 16 bits, of which the upper 8 are read; convert all images of "
+                         "the view to 8 bits, by the same factor");
 }
 
 cv::Mat ImageOfFile(const std::string& path, int flags) {

@@ -6,13 +6,20 @@
 #include <string>
 #include <string_view>
 
+#include "absl/status/status.h"
+
 namespace silhouette {
 
 // The image in the bytes of a file; `flags`: as of cv::imread. Empty: they are no image, or a PNG
 // file that is cut off or damaged, of which the decoder would write to stderr.
 cv::Mat ImageOfBytes(std::string_view bytes, int flags);
 
-// The same of a file; empty, too, if it cannot be read.
+// Whether `image`, which was read from `bytes` in 8 bits, shows what they do. InvalidArgument,
+// which names the image as `name`: it has 16 bits of which it uses the lower 12 at most, as of
+// cameras with 10 or 12, so that the upper 8 are nearly black.
+absl::Status CheckUsedBits(const std::string& name, std::string_view bytes, const cv::Mat& image);
+
+// The same as ImageOfBytes of a file; empty, too, if it cannot be read.
 cv::Mat ImageOfFile(const std::string& path, int flags);
 
 }  // namespace silhouette

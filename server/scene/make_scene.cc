@@ -21,6 +21,7 @@
 #include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/difference.h"
 #include "common/picture/camera_image.h"
+#include "common/picture/image_file.h"
 #include "common/times/times.h"
 #include "db/mask/mask.h"
 #include "db/status/status_macros.h"
@@ -56,6 +57,7 @@ absl::StatusOr<SceneMask> ShownBy(const EncodedImage& image, const ServedDatabas
   }
   const std::optional<cv::Mat> decoded = DecodeCameraImage(image.bytes);
   if (!decoded) return unreadable;
+  RETURN_IF_ERROR(CheckUsedBits("the camera image", image.bytes, *decoded));
   try {
     return SceneMaskOf(*decoded, GradedForeground(*decoded, reference, settings), database, view,
                        settings.min_cover);

@@ -15,6 +15,7 @@
 #include "capture/drivers/grpc/driver_status.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/camera_image.h"
+#include "common/picture/image_file.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "proto/tls/channel_credentials.h"
@@ -208,6 +209,7 @@ absl::StatusOr<CameraImage> ImageOf(const v1::DriverImage& message, absl::Time c
   }
   const std::optional<cv::Mat> image = DecodeCameraImage(message.encoded());
   if (!image) return absl::DataLossError("an image is not a whole PNG or JPEG");
+  RETURN_IF_ERROR(CheckUsedBits("an image", message.encoded(), *image));
   return CameraImageOf(*image, captured);
 }
 

@@ -11,6 +11,7 @@
 #include "absl/time/clock.h"
 #include "capture/drivers/opencv/image_stream.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "common/picture/files.h"
 #include "common/picture/image_file.h"
 #include "db/status/status_macros.h"
 
@@ -104,10 +105,12 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view
       at = 0;
     }
     const std::string& file = files[at++];
+    const std::string bytes = ReadWholeFile(file).value_or("");
     // Grey stays grey, 16 bits become 8, the header's rotation is not followed.
-    cv::Mat image = ImageOfFile(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
+    cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
     if (image.empty())
       return absl::InvalidArgumentError(file + " is not an image that can be read");
+    RETURN_IF_ERROR(CheckUsedBits(file, bytes, image));
     return image;
   };
   return std::make_unique<RecordedCamera>(view, next);

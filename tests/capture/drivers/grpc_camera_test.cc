@@ -213,6 +213,15 @@ TEST(CameraDriver, EncodedImagesAreRead) {
   EXPECT_EQ(images->front().pixels[2], 3);
 }
 
+TEST(CameraDriver, EncodedImageOfWhichOnlyTheLowerBitsAreUsedIsRefused) {
+  OddDriver driver([](v1::GrabResponse& response) {
+    std::vector<uint8_t> png;
+    cv::imencode(".png", cv::Mat(2, 4, CV_16UC1, cv::Scalar(4095)), png);
+    response.add_images()->set_encoded(png.data(), png.size());
+  });
+  EXPECT_THAT(driver.Grabbed().status().message(), HasSubstr("the lower 12 of its 16 bits"));
+}
+
 std::string TextIn(const std::filesystem::path& file) {
   std::ifstream stream(file);
   return {std::istreambuf_iterator<char>(stream), {}};

@@ -130,6 +130,16 @@ TEST_F(FolderCamera, DamagedImageIsToldInItsTurnAndTheOthersKeepTheirs) {
   }
 }
 
+TEST_F(FolderCamera, SixteenBitImageIsReadInItsUpperEightAndRefusedIfTheseAreBlack) {
+  cv::imwrite(folder_ + "/1.png", cv::Mat(24, 32, CV_16UC1, cv::Scalar(4095)));
+  cv::imwrite(folder_ + "/2.png", cv::Mat(24, 32, CV_16UC1, cv::Scalar(200 * 256 + 255)));
+  const auto camera = OpenFolder("top", {.folder = folder_});
+  const absl::Status refused = RecordedCameraTake(**camera).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(refused));
+  EXPECT_THAT(refused.message(), HasSubstr("/1.png uses the lower 12 of its 16 bits"));
+  EXPECT_EQ(RecordedCameraTake(**camera)->pixels[0], 200);
+}
+
 TEST(VideoCamera, GivesEveryImageOnce) {
   const std::string file = (FreshFolder() / "video.avi").string();
   {

@@ -41,5 +41,24 @@ TEST(ImageFile, CutOrDamagedPngIsNoImageAndNothingIsWrittenToStderr) {
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
+TEST(ImageFile, SixteenBitsOfWhichFewAreUsedAreRefused) {
+  const auto check = [](int type, double brightest) {
+    cv::Mat image(4, 6, type, cv::Scalar::all(0));
+    image.col(2) = cv::Scalar::all(brightest);
+    std::vector<uint8_t> png;
+    cv::imencode(".png", image, png);
+    const std::string bytes(png.begin(), png.end());
+    return CheckUsedBits("top.png", bytes, ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR));
+  };
+  EXPECT_EQ(check(CV_16UC1, 4095).message(),
+            "top.png uses the lower 12 of its 16 bits, of which the upper 8 are read; convert all "
+            "images of the view to 8 bits, by the same factor");
+  EXPECT_TRUE(absl::IsInvalidArgument(check(CV_16UC3, 1023)));
+  for (const double brightest : {0, 4096, 65535}) {
+    EXPECT_EQ(check(CV_16UC1, brightest), absl::OkStatus()) << brightest;
+  }
+  EXPECT_EQ(check(CV_8UC1, 3), absl::OkStatus());
+}
+
 }  // namespace
 }  // namespace silhouette

@@ -347,6 +347,16 @@ TEST_F(MakeSceneTest, RefusesCameraImagesThatCannotBeReadOrHaveTheWrongSize) {
   EXPECT_EQ(Refusal(), "views[0] 'left': the camera image is 40x40, and its reference image 64x48");
 }
 
+TEST_F(MakeSceneTest, RefusesCameraImagesThatUseOnlyTheLowerOfSixteenBits) {
+  cv::Mat picture;
+  CameraPicture(0, Mask(kViewSizes[0])).convertTo(picture, CV_16U, 16);
+  std::vector<uint8_t> png;
+  cv::imencode(".png", picture, png);
+  input.views[0].image = EncodedImage{{png.begin(), png.end()}};
+  EXPECT_THAT(Refusal(),
+              HasSubstr("views[0] 'left': the camera image uses the lower 12 of its 16"));
+}
+
 // Of images that a decoder completes: pixels of its own making may look like the empty cell.
 TEST_F(MakeSceneTest, RefusesAJpegImageThatLacksItsMiddle) {
   std::vector<uint8_t> jpeg;
