@@ -6,14 +6,10 @@
 #include <limits>
 #include <string>
 
-#include "calib/robot/drawing/motion_check.h"
 #include "calib/robot/parts.h"
 
 namespace silhouette::people_experiment {
 namespace {
-
-// Metres that the robot's points move at most from place to place where its speed is looked at.
-constexpr double kPiece = 0.05;
 
 // The corners of the box that grows to the shape; of a capsule two.
 Eigen::Matrix3Xd PointsOf(const Shape& shape) {
@@ -49,19 +45,15 @@ absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
 
 double MovementOf(const DrawnRobot& robot, std::span<const double> from,
                   std::span<const double> to) {
-  const double steps = std::max(1.0, std::ceil(GreatestDisplacement(robot, from, to) / kPiece));
-  std::vector<Eigen::Isometry3d> before;
-  std::vector<Eigen::Isometry3d> poses;
-  robot.chain().Pose(from, before);
-  double farthest = 0;
-  Configuration q(from.begin(), from.end());
-  for (double step = 1; step <= steps; ++step) {
-    for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], step / steps);
-    robot.chain().Pose(q, poses);
-    farthest = std::max(farthest, DisplacementBetween(robot, before, poses));
-    before.swap(poses);
+  double most = 0;
+  for (size_t part = 0; part < robot.parts().size(); ++part) {
+    double way = 0;
+    for (size_t joint = 0; joint < from.size(); ++joint) {
+      way += robot.Lever(part, joint) * std::abs(to[joint] - from[joint]);
+    }
+    most = std::max(most, way);
   }
-  return farthest * steps;
+  return most;
 }
 
 Truth::Truth(const SimulatedWorkplace& workplace, const DrawnRobot& robot, size_t people)

@@ -21,8 +21,7 @@ using cell_experiment::SimulatedWorkplace;
 absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
                                      std::span<const MaskSize> sizes);
 
-// How far the robot's fastest point moves on a straight line in joint space if it is as fast all
-// along as where it is fastest, metres.
+// How far any point of the robot moves at most on a straight line in joint space, metres.
 double MovementOf(const DrawnRobot& robot, std::span<const double> from,
                   std::span<const double> to);
 
