@@ -200,17 +200,6 @@ TEST_F(VerifyModelProgram, StoppedOrKilledDriveLosesNoConfiguration) {
   EXPECT_THAT(again.out, HasSubstr("compared           80 configurations")) << again.err;
 }
 
-TEST_F(VerifyModelProgram, OperatorWhoTypesStopStopsTheDriveWithoutAFault) {
-  MakeDrawn();
-  const std::string cell = ReadText(cell_ / "drawn.yaml");
-  WriteText(cell_ / "drawn.yaml", absl::StrReplaceAll(cell, {{"driver: sim", "driver: manual"}}));
-  WriteText(cell_ / "in.txt", "stop\n");
-  const Outcome outcome =
-      Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--not-checked", "base", "wrist"});
-  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("stopped; nothing was verified"));
-}
-
 TEST_F(VerifyModelProgram, KeptConfigurationsOfOtherReferenceImagesAreNotMixedIn) {
   MakeDrawn();
   const std::string part = cell_ / "drawn.lmdb.verification.part";
