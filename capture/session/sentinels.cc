@@ -117,6 +117,9 @@ absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
 
 void Sentinels::Captured(absl::Time captured) {
   earliest_since_ = std::min(earliest_since_, captured);
+  if (captured >= last_good_ || set_back_) return;
+  set_back_ = true;
+  last_check_ = -absl::InfiniteDuration();
 }
 
 void Sentinels::CapturedSentinel(ConfigurationNumber number, const Visit& visit,
@@ -127,9 +130,13 @@ void Sentinels::CapturedSentinel(ConfigurationNumber number, const Visit& visit,
   }
   firsts_[number] = std::move(first);
   last_check_ = RunningNow();
-  if (!first_baseline_) return;
-  last_good_ = visit.images.captured;
+  if (first_baseline_) NoteGood(visit.images.captured);
+}
+
+void Sentinels::NoteGood(absl::Time begin) {
+  last_good_ = begin;
   earliest_since_ = absl::InfiniteFuture();
+  set_back_ = false;
 }
 
 bool Sentinels::Due(absl::Duration now) const {
@@ -214,12 +221,14 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
   storage::v1::SentinelCheck check;
   std::vector<Complaints> complaints(parts_->references.size());
   int visited = 0;
+  bool reachable = false;
   std::string why_not;
   absl::Time begin = absl::InfiniteFuture();
   for (const ConfigurationNumber number : numbers_) {
     const auto first = firsts_.find(number);
     if (first == firsts_.end()) continue;
     ASSIGN_OR_RETURN(const Visit visit, go(number));
+    reachable = reachable || visit.outcome != Visit::Outcome::kUnreachable;
     if (visit.outcome != Visit::Outcome::kTaken) {
       why_not = visit.why;
       continue;
@@ -229,21 +238,22 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
     Note(number, first->second, visit, check, complaints);
   }
   last_check_ = RunningNow();
+  if (!reachable && !to_capture_.empty()) {
+    summary_ = "the known control configurations are in another part of the grid";
+    return std::string();
+  }
   SetTime(visited == 0 ? absl::Now() : begin, *check.mutable_time());
   const std::string alarm =
       visited == 0 ? absl::StrCat(
                          "no control configuration could be visited, so nothing shows whether the "
                          "cell changed (",
                          why_not,
-                         "): correct that, or take other control configurations with: "
-                         "silhouette-capture run --new-sentinels")
+                         "); correct that, or state a greater 'sentinels: {count}' in the cell "
+                         "file, which adds others")
                    : Alarm(complaints, visited);
   check.set_alarm(alarm);
   summary_ = Summarise(check);
-  if (alarm.empty()) {
-    last_good_ = begin;
-    earliest_since_ = absl::InfiniteFuture();
-  }
+  if (alarm.empty()) NoteGood(begin);
   absl::Status status = ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
     history.mutable_checks()->Add(std::move(check));
     const int surplus = history.checks_size() - kMostChecks;

@@ -57,7 +57,9 @@ class Sentinels {
 
   // Visits all that are known, compares, and keeps in the database what came out. In plain words
   // what no longer matches, or that none could be visited; empty: all match. Errors: those of `go`
-  // and of the database. If the robot gets to some, those it cannot get to are left out.
+  // and of the database. If the robot gets to some, those it cannot get to are left out. Empty,
+  // too, if it has a way to none of them, but others are ToCapture(): those of another part of the
+  // grid.
   absl::StatusOr<std::string> Check(const Go& go);
 
   // Marks what was captured since the last check that found nothing, up to `until`, as suspect.
@@ -77,6 +79,8 @@ class Sentinels {
   };
 
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
+  // What was captured up to `begin` matches.
+  void NoteGood(absl::Time begin);
   absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& except);
   std::vector<SentinelImage> Look(const Visit& visit) const;
   // The image with its mask as it is if shadows are foreground: whether a place is a shadow is a
@@ -102,6 +106,9 @@ class Sentinels {
   absl::Time last_good_ = absl::InfinitePast();
   // The least capture time since, in this session.
   absl::Time earliest_since_ = absl::InfiniteFuture();
+  // Something was captured at an earlier time than the last good check: a check is due at once, so
+  // that the next session knows the time by the clock as it is now.
+  bool set_back_ = false;
   std::string summary_;
 };
 

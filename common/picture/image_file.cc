@@ -59,9 +59,12 @@ absl::Status CheckUsedBits(const std::string& name, std::string_view bytes, cons
   if (deep.empty() || deep.depth() != CV_16U) return absl::OkStatus();
   const auto most = static_cast<unsigned>(cv::norm(deep, cv::NORM_INF));
   if (most == 0 || most > kMost) return absl::OkStatus();
+  cv::Mat low;
+  cv::bitwise_and(deep.reshape(1), 0xF, low);
+  if (cv::countNonZero(low) == 0) return absl::OkStatus();  // 12 bits, the upper ones
   return InvalidArgument(name, " uses the lower ", std::bit_width(most),
-                         " of its 16 bits, of which the upper 8 are read; convert all images of "
-                         "the view to 8 bits, by the same factor");
+                         " of its 16 bits, of which the upper 8 are read; light the view if it is "
+                         "dark, or convert all its images to 8 bits, by the same factor");
 }
 
 cv::Mat ImageOfFile(const std::string& path, int flags) {

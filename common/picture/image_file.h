@@ -16,7 +16,8 @@ cv::Mat ImageOfBytes(std::string_view bytes, int flags);
 
 // Whether `image`, which was read from `bytes` in 8 bits, shows what they do. InvalidArgument,
 // which names the image as `name`: it has 16 bits of which it uses the lower 12 at most, as of
-// cameras with 10 or 12, so that the upper 8 are nearly black.
+// cameras with 10 or 12, so that the upper 8 are nearly black. A dark image of all 16 bits may be
+// taken for one.
 absl::Status CheckUsedBits(const std::string& name, std::string_view bytes, const cv::Mat& image);
 
 // The same as ImageOfBytes of a file; empty, too, if it cannot be read.

@@ -131,7 +131,7 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
       }
       const double matters = path.distance + slack;
       const double at = At(q, std::min(matters, space_.range()));
-      if (horizon) left -= DisplacementBetween(robot_, before_, poses_);
+      if (std::isfinite(left)) left -= DisplacementBetween(robot_, before_, poses_);
       before_.swap(poses_);
       const double distance = std::max(0.0, at - slack);
       if (at >= matters || distance >= path.distance) continue;

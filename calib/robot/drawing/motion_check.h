@@ -54,8 +54,8 @@ MotionCheck CheckMotion(const DrawnRobot& robot, std::span<const double> from,
 double GreatestDisplacement(const DrawnRobot& robot, std::span<const double> from,
                             std::span<const double> to);
 
-// How far any point of the robot is from where it was, the farthest of them, metres: no more than
-// the fastest point moves on any way between the two. Links' poses as KinematicChain::Pose has
+// How far the corners of the robot's parts are from where they were, the farthest, metres: no more
+// than the fastest point moves on any way between the two. Links' poses as KinematicChain::Pose has
 // them.
 double DisplacementBetween(const DrawnRobot& robot, std::span<const Eigen::Isometry3d> from,
                            std::span<const Eigen::Isometry3d> to);

@@ -438,6 +438,12 @@ TEST(CaptureSession, ConfigurationsBehindARegionAreLeftOutAndCounted) {
   ASSERT_THAT(said, SizeIs(1));
   EXPECT_THAT(said[0], HasSubstr("no way around the forbidden region 'wall'"));
   for (const Configuration& commanded : cell.Commanded()) EXPECT_LT(commanded[0], 0);
+  // Somebody moves the robot into the other part.
+  cell.robot.at = {0.25, 0, 1};
+  const CaptureReport other = cell.Capture({}, observer);
+  EXPECT_TRUE(other.status.ok()) << other.status;
+  EXPECT_EQ(other.alarm, "");
+  EXPECT_EQ(other.captured, 15u);
 }
 
 }  // namespace

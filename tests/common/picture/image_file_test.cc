@@ -51,10 +51,10 @@ TEST(ImageFile, SixteenBitsOfWhichFewAreUsedAreRefused) {
     return CheckUsedBits("top.png", bytes, ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR));
   };
   EXPECT_EQ(check(CV_16UC1, 4095).message(),
-            "top.png uses the lower 12 of its 16 bits, of which the upper 8 are read; convert all "
-            "images of the view to 8 bits, by the same factor");
+            "top.png uses the lower 12 of its 16 bits, of which the upper 8 are read; light the "
+            "view if it is dark, or convert all its images to 8 bits, by the same factor");
   EXPECT_TRUE(absl::IsInvalidArgument(check(CV_16UC3, 1023)));
-  for (const double brightest : {0, 4096, 65535}) {
+  for (const double brightest : {0, 4096, 65535, 5 << 4}) {  // the last one: the upper 12 bits
     EXPECT_EQ(check(CV_16UC1, brightest), absl::OkStatus()) << brightest;
   }
   EXPECT_EQ(check(CV_8UC1, 3), absl::OkStatus());

@@ -107,18 +107,6 @@ TEST(CaptureSessions, SentinelsAreTakenLaterOnRequestAndAreNoGoodCheckBefore) {
   EXPECT_EQ(SessionProgramJson(outcome.out)["sentinel_checks"], 1);
 }
 
-TEST(CaptureSessions, OperatorWhoTypesStopStopsTheSessionWithoutAFault) {
-  ProgramCell cell;
-  cell.TakeReferences();
-  cell.WriteCell({{"driver: sim", "driver: manual"}});
-  WriteText(cell / "in.txt", "-150 40 -120 0 20 0\nstop\n");
-  const Outcome outcome = cell.Run(cell.Arguments("run", {"--format", "json"}));
-  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  EXPECT_EQ(SessionProgramJson(outcome.out)["state"], "stopped");
-  EXPECT_THAT(outcome.err, HasSubstr("or stop: "));
-  EXPECT_THAT(outcome.err, HasSubstr("stopped, 45 configurations are left; go on with: "));
-}
-
 TEST(CaptureSessions, WhatIsSuspectIsNamedAndMended) {
   ProgramCell cell;
   cell.WriteCell({{"settle: 5 ms", "settle: 30 ms"}});
