@@ -122,8 +122,8 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
     if (!std::isfinite(movement)) return std::nullopt;
     const double steps = std::max(1.0, std::ceil(movement / kStep));
     const double slack = movement / steps / 2;
-    for (double step = 0; step <= steps; ++step) {
-      if (path.distance <= 0 || left <= 0) return path;
+    for (double step = 0; step <= steps && path.distance > 0; ++step) {
+      if (left <= 0) return path;
       if (Stopped(stop)) return std::nullopt;
       const double fraction = step / steps;
       for (size_t joint = 0; joint < q.size(); ++joint) {
