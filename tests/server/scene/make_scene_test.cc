@@ -349,7 +349,7 @@ TEST_F(MakeSceneTest, RefusesCameraImagesThatCannotBeReadOrHaveTheWrongSize) {
 
 TEST_F(MakeSceneTest, RefusesCameraImagesThatUseOnlyTheLowerOfSixteenBits) {
   cv::Mat picture;
-  CameraPicture(0, Mask(kViewSizes[0])).convertTo(picture, CV_16U, 16);
+  CameraPicture(0, Mask(kViewSizes[0])).convertTo(picture, CV_16U, 15);
   std::vector<uint8_t> png;
   cv::imencode(".png", picture, png);
   input.views[0].image = EncodedImage{{png.begin(), png.end()}};
