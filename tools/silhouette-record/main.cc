@@ -234,9 +234,8 @@ class Program {
   std::string path_of_stop_;
 };
 
-// Keeps other recorders out of the folder until this process ends, however it ends: they would
-// remove each other's files. FailedPrecondition if one is there. A disk that has no locks keeps
-// nobody out.
+// Locks the folder for this recorder until the process ends: recorders would remove each other's
+// files. FailedPrecondition: another one has locked it. Without effect on a disk without locks.
 absl::Status TakeFolder(const std::string& folder) {
   const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (file < 0 || flock(file, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) {

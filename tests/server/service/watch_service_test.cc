@@ -214,14 +214,25 @@ TEST_F(WatchServiceTest, PathWithoutWaypointsEndsTheCall) {
   EXPECT_EQ(status.error_message(), "waypoints: a path has at least one");
 }
 
-TEST(Conclude, DatabaseReplacedWhileAnAnswerIsMadeTakesItBack) {
-  const auto database = NewDatabase();
+// A server's state with a scene, while an answer is made.
+struct ConcludeTest : testing::Test {
+  ConcludeTest() {
+    absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
+    EXPECT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
+  }
+
+  ServingSettings Settings() {
+    ServingSettings settings;
+    settings.clock = clock.clock();
+    return settings;
+  }
+
+  const std::shared_ptr<const ServedDatabase> database = NewDatabase();
   TestClock clock;
-  ServingSettings settings;
-  settings.clock = clock.clock();
-  Serving serving(database, settings);
-  absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
-  ASSERT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
+  Serving serving{database, Settings()};
+};
+
+TEST_F(ConcludeTest, DatabaseReplacedWhileAnAnswerIsMadeTakesItBack) {
   const Served served = serving.scenes.Newest(clock.clock()());
   v1::Basis basis;
   EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kNone);
@@ -230,14 +241,7 @@ TEST(Conclude, DatabaseReplacedWhileAnAnswerIsMadeTakesItBack) {
   EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
 }
 
-TEST(Conclude, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
-  const auto database = NewDatabase();
-  TestClock clock;
-  ServingSettings settings;
-  settings.clock = clock.clock();
-  Serving serving(database, settings);
-  absl::StatusOr<Scene> scene = MakeScene(*database, SceneWithBlock(3), {}, {}, clock.clock()());
-  ASSERT_TRUE(serving.scenes.Publish(*std::move(scene), database).ok());
+TEST_F(ConcludeTest, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   std::vector<std::optional<Mask>> pixels;
   for (int view = 0; view < 3; ++view) pixels.emplace_back(Block(view, 3));
   const Moment now = clock.clock()();
