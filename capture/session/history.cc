@@ -16,10 +16,6 @@ void SetTime(absl::Time time, google::protobuf::Timestamp& stamp) {
   stamp.set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
 }
 
-absl::Time TimeOf(const google::protobuf::Timestamp& stamp) {
-  return absl::FromUnixSeconds(stamp.seconds()) + absl::Nanoseconds(stamp.nanos());
-}
-
 absl::Status ChangeHistory(Database& database,
                            const std::function<void(storage::v1::CaptureHistory&)>& change) {
   storage::v1::CaptureHistory history;
@@ -55,15 +51,13 @@ absl::StatusOr<absl::Time> LatestCapture(const Snapshot& snapshot) {
 absl::StatusOr<std::vector<ConfigurationNumber>> SuspectNumbers(const Snapshot& snapshot) {
   ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   std::vector<ConfigurationNumber> numbers;
-  if (history.suspects().empty()) return numbers;
-  const auto suspect = [&](absl::Time captured) {
-    return std::ranges::any_of(history.suspects(), [&](const storage::v1::SuspectSpan& span) {
-      return captured > TimeOf(span.after()) && captured <= TimeOf(span.until());
-    });
-  };
+  const SuspectSpans suspect(history);
+  if (suspect.empty()) return numbers;
   const absl::Status status =
       snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-        if (image.ok() && !image->excluded && suspect(image->captured)) numbers.push_back(number);
+        if (image.ok() && !image->excluded && suspect.Contain(image->captured)) {
+          numbers.push_back(number);
+        }
         return true;
       });
   // Others report damaged records.

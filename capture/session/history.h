@@ -10,11 +10,11 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "db/store/store.h"
+#include "db/store/suspects.h"
 
 namespace silhouette {
 
 void SetTime(absl::Time time, google::protobuf::Timestamp& stamp);
-absl::Time TimeOf(const google::protobuf::Timestamp& stamp);
 
 // Reads, changes and writes it. The database is open for writing.
 absl::Status ChangeHistory(Database& database,

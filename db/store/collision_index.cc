@@ -106,8 +106,8 @@ CollisionIndex::Entry& CollisionIndex::EntryOf(uint64_t tile) {
 // Takes down what is stored for which tile.
 absl::Status CollisionIndex::ReadHeads() {
   Environment& environment = snapshot_->impl_->environment();
-  const std::optional<MDB_dbi> database =
-      environment.Find(snapshot_->impl_->state->places.collision_index);
+  ASSIGN_OR_RETURN(const std::optional<MDB_dbi> database,
+                   environment.Find(snapshot_->impl_->state->places.collision_index));
   if (!database) return absl::OkStatus();
   const auto hold = environment.HoldMap();
   return environment.ForEachEntry(snapshot_->impl_->transaction(), *database, "",

@@ -119,7 +119,8 @@ absl::StatusOr<std::vector<MDB_dbi>> OtherVariants(Environment& environment) {
   }
   std::vector<MDB_dbi> found;
   for (const std::string& name : names) {
-    const auto images = environment.Find(schema::PlacesOfVariant(name).robot_images);
+    ASSIGN_OR_RETURN(const auto images,
+                     environment.Find(schema::PlacesOfVariant(name).robot_images));
     if (images) found.push_back(*images);
   }
   return found;

@@ -29,6 +29,7 @@ struct DatabaseState {
   DatabaseState(const DatabaseState& other, schema::VariantPlaces variant, MDB_dbi images)
       : path(other.path),
         cell(other.cell),
+        stored_cell(other.stored_cell),
         grid(other.grid),
         mask_sizes(other.mask_sizes),
         writer_lock(other.writer_lock),
@@ -39,6 +40,7 @@ struct DatabaseState {
 
   const std::string path;
   storage::v1::CellDescription cell;
+  std::string stored_cell;  // the same, as `meta` has it
   const ConfigurationGrid grid;
   const std::vector<MaskSize> mask_sizes;
   // After the lock, so that the environment is closed first.

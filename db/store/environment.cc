@@ -122,6 +122,7 @@ absl::Status WriteTransaction::Delete(MDB_dbi database, std::string_view key) {
 absl::StatusOr<MDB_dbi> WriteTransaction::MakeSubDatabase(const char* name) {
   MDB_dbi database = 0;
   const int code = mdb_dbi_open(transaction_, name, MDB_CREATE, &database);
+  map_full_ = map_full_ || code == MDB_MAP_FULL;
   if (code != 0) return environment_.WriteError(code);
   return database;
 }
@@ -134,7 +135,12 @@ Environment::~Environment() {
 }
 
 absl::Status Environment::ReadError(int code) const {
-  return LmdbError(code, absl::StrCat("database '", folder_, "' cannot be read"));
+  const std::string what = absl::StrCat("database '", folder_, "' cannot be read");
+  if (code != EAGAIN) return LmdbError(code, what);
+  // LMDB tells readers apart by their process number.
+  return absl::FailedPreconditionError(
+      absl::StrCat(what, ": a process with the same number (", getpid(),
+                   ") in another container has it open; start one of them with --pid=host"));
 }
 
 absl::Status Environment::WriteError(int code) const {

@@ -125,9 +125,9 @@ class Environment : public std::enable_shared_from_this<Environment> {
   // Of the default variant.
   MDB_dbi robot_images() const { return robot_images_; }
 
-  // Another sub-database, by its name; nothing while there is none. A transaction that was begun
-  // before this was first called may not know it: EINVAL. Not while the map is held.
-  std::optional<MDB_dbi> Find(const std::string& name);
+  // Another sub-database, by its name; nothing while there is none of its kind. A transaction that
+  // was begun before this was first called may not know it: EINVAL. Not while the map is held.
+  absl::StatusOr<std::optional<MDB_dbi>> Find(const std::string& name);
   // Makes it if it is not there. Only for the holder of the WriterLock; not within Update().
   absl::StatusOr<MDB_dbi> Make(const std::string& name);
 

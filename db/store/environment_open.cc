@@ -196,26 +196,26 @@ absl::Status Environment::OpenSubDatabases() {
   return code == 0 ? absl::OkStatus() : ReadError(code);
 }
 
-std::optional<MDB_dbi> Environment::Find(const std::string& name) {
+absl::StatusOr<std::optional<MDB_dbi>> Environment::Find(const std::string& name) {
   // LMDB wants sub-databases to be opened by one transaction at a time.
   const std::lock_guard lock(opened_mutex_);
   if (const auto open = opened_.find(name); open != opened_.end()) return open->second;
-  absl::StatusOr<Transaction> transaction = BeginReading();
-  if (!transaction.ok()) return std::nullopt;
+  ASSIGN_OR_RETURN(Transaction transaction, BeginReading());
   const MapHold hold = HoldMap();
   MDB_dbi database = 0;
   unsigned flags = 0;
-  if (mdb_dbi_open(transaction->get(), name.c_str(), 0, &database) != 0 ||
-      mdb_dbi_flags(transaction->get(), database, &flags) != 0 || flags != 0 ||
-      mdb_txn_commit(transaction->release()) != 0) {
-    return std::nullopt;
-  }
+  int code = mdb_dbi_open(transaction.get(), name.c_str(), 0, &database);
+  if (code == 0) code = mdb_dbi_flags(transaction.get(), database, &flags);
+  if (code == MDB_NOTFOUND || code == MDB_INCOMPATIBLE || flags != 0) return std::nullopt;
+  if (code == 0) code = mdb_txn_commit(transaction.release());  // keeps the handle
+  if (code != 0) return ReadError(code);
   opened_[name] = database;
   return database;
 }
 
 absl::StatusOr<MDB_dbi> Environment::Make(const std::string& name) {
-  if (const std::optional<MDB_dbi> found = Find(name)) return *found;
+  ASSIGN_OR_RETURN(const std::optional<MDB_dbi> found, Find(name));
+  if (found) return *found;
   const std::lock_guard lock(opened_mutex_);
   MDB_dbi database = 0;
   RETURN_IF_ERROR(Update(0, [&](WriteTransaction& transaction) -> absl::Status {

@@ -36,14 +36,6 @@ bool IsOwn(std::string_view key) {
          key.starts_with(schema::kCaptureKey);
 }
 
-uint64_t ConfigurationsIn(const ConfigurationGrid& grid, uint64_t tile) {
-  uint64_t count = 0;
-  for (uint64_t place = 0; place < kTileSize; ++place) {
-    count += grid.Contains(tile * kTileSize + place) ? 1 : 0;
-  }
-  return count;
-}
-
 // Gives a finished folder its name, for good.
 absl::Status MoveInto(const std::string& folder, const std::string& into) {
   std::error_code error;
@@ -240,7 +232,7 @@ absl::Status ShardMerge::ReadTile(const Shard& shard, size_t variant, uint64_t t
                               " configurations of tile ", tile, "; go on drawing it");
   }
   report_.records += records;
-  const auto index = state.environment().Find(state.state->places.collision_index);
+  ASSIGN_OR_RETURN(const auto index, state.environment().Find(state.state->places.collision_index));
   const auto hold = state.environment().HoldMap();
   std::optional<std::string_view> value;
   if (index) {

@@ -96,6 +96,7 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
   ASSIGN_OR_RETURN(const Usage usage, made.GetUsage());
   storage::v1::CellDescription description = cell();
   description.set_segmentation(made.cell().segmentation());
+  std::string new_cell = description.SerializeAsString();
   const auto change = [&](WriteTransaction& transaction) -> absl::Status {
     for (size_t i = 0; i < made_variants.size(); ++i) {
       const MDB_dbi place = stored_variants[i].database->state_->robot_images;
@@ -106,12 +107,12 @@ absl::Status Database::ReplaceMasks(const Database& made, const std::string& pro
         RETURN_IF_ERROR(transaction.Put(place, record->key, record->value));
       }
     }
-    return WriteMeta(*state_->environment, transaction, schema::kCellKey,
-                     description.SerializeAsString());
+    return WriteMeta(*state_->environment, transaction, schema::kCellKey, new_cell);
   };
   RETURN_IF_ERROR(
       WriteChange(*state_, usage.used_bytes, NewProvenance(absl::Now(), program, records), change));
   state_->cell = description;
+  state_->stored_cell = std::move(new_cell);
   return absl::OkStatus();
 }
 

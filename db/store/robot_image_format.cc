@@ -268,6 +268,10 @@ void ReadMeasured(std::string_view value, std::vector<double>& measured) {
   }
 }
 
+absl::Time ReadCaptured(std::string_view value) {
+  return absl::FromUnixNanos(static_cast<int64_t>(schema::ReadU64(value.data() + 16)));
+}
+
 StoredMasks DecodeMasks(ConfigurationNumber number, std::string_view value,
                         std::span<const MaskSize> mask_sizes, std::span<uint64_t> words,
                         std::string_view base) {

@@ -58,8 +58,10 @@ absl::StatusOr<RobotImage> DecodeRobotImage(ConfigurationNumber number, std::str
                                             std::span<const MaskSize> mask_sizes,
                                             std::string_view base = {});
 
-// The measured joint values of the record in `value`, which can be decoded.
+// Of the record in `value`, which can be decoded: its measured joint values, and when it was
+// captured.
 void ReadMeasured(std::string_view value, std::vector<double>& measured);
+absl::Time ReadCaptured(std::string_view value);
 
 // What a record says of a configuration's masks.
 enum class StoredMasks {

@@ -37,7 +37,7 @@ absl::StatusOr<std::vector<std::string>> Database::Variants() const {
 absl::StatusOr<std::unique_ptr<Database>> Database::OpenVariant(const std::string& name) const {
   ASSIGN_OR_RETURN(const std::vector<std::string> names, Variants());
   const schema::VariantPlaces places = schema::PlacesOfVariant(name);
-  const auto images = state_->environment->Find(places.robot_images);
+  ASSIGN_OR_RETURN(const auto images, state_->environment->Find(places.robot_images));
   if (std::ranges::find(names, name) == names.end() || !images) {
     return absl::NotFoundError(absl::StrCat("database '", path(), "' has no variant '", name,
                                             "'; its variants are ", "'",
@@ -82,7 +82,8 @@ absl::Status Database::RemoveVariant(const std::string& name, const std::string&
   std::vector<MDB_dbi> emptied;
   for (const std::string& place :
        {places.robot_images, places.collision_index, places.raw_images}) {
-    if (const auto database = environment.Find(place)) emptied.push_back(*database);
+    ASSIGN_OR_RETURN(const auto database, environment.Find(place));
+    if (database) emptied.push_back(*database);
   }
   storage::v1::Provenance entry = NewProvenance(absl::Now(), program, 0);
   entry.set_variant(name);

@@ -248,7 +248,8 @@ absl::Status RobotImageWriter::Commit() {
   Environment& environment = *impl_->state->environment;
   if (!impl_->batch.empty()) {
     // Before the transaction, which could not open it.
-    std::optional<MDB_dbi> raw_images = environment.Find(impl_->state->places.raw_images);
+    ASSIGN_OR_RETURN(std::optional<MDB_dbi> raw_images,
+                     environment.Find(impl_->state->places.raw_images));
     if (!raw_images && impl_->has_raw_images()) {
       ASSIGN_OR_RETURN(raw_images, environment.Make(impl_->state->places.raw_images));
     }

@@ -40,8 +40,12 @@ class RecordWalk {
     const StoredMasks masks =
         DecodeMasks(*number, record.value, snapshot_.state->mask_sizes, words_, record.base);
     measured_.clear();
-    if (masks == StoredMasks::kPresent) ReadMeasured(record.value, measured_);
-    return visit(record, {*number, masks, words_, measured_});
+    absl::Time captured;
+    if (masks == StoredMasks::kPresent) {
+      ReadMeasured(record.value, measured_);
+      captured = ReadCaptured(record.value);
+    }
+    return visit(record, {*number, masks, words_, measured_, captured});
   }
 
   Snapshot::Impl& snapshot_;

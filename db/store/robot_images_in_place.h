@@ -19,12 +19,14 @@
 namespace silhouette {
 
 // A record as it is met. If `masks` is kPresent, `words` are those of all its masks, one view after
-// another, and `measured` is RobotImage::measured; both valid until the next record.
+// another, `measured` is RobotImage::measured, both valid until the next record, and `captured` is
+// RobotImage::captured.
 struct MetRecord {
   ConfigurationNumber number = 0;
   StoredMasks masks = StoredMasks::kDamaged;
   std::span<const uint64_t> words;
   std::span<const double> measured;
+  absl::Time captured;
 };
 using VisitRecord = std::function<void(const MetRecord&)>;
 

@@ -8,14 +8,19 @@
 
 namespace silhouette {
 
+uint64_t ConfigurationsIn(const ConfigurationGrid& grid, uint64_t tile) {
+  uint64_t count = 0;
+  for (uint64_t place = 0; place < kTileSize; ++place) {
+    count += grid.Contains(tile * kTileSize + place) ? 1 : 0;
+  }
+  return count;
+}
+
 uint64_t ConfigurationsOf(const storage::v1::DrawnImages& drawn, const ConfigurationGrid& grid) {
   if (drawn.shards() < 2) return grid.size();
   uint64_t count = 0;
   for (uint64_t tile = 0; tile < grid.tiles(); ++tile) {
-    if (!HasTile(drawn, tile)) continue;
-    for (uint64_t place = 0; place < kTileSize; ++place) {
-      count += grid.Contains(tile * kTileSize + place) ? 1 : 0;
-    }
+    if (HasTile(drawn, tile)) count += ConfigurationsIn(grid, tile);
   }
   return count;
 }

@@ -19,6 +19,9 @@ inline bool HasTile(const storage::v1::DrawnImages& drawn, uint64_t tile) {
   return drawn.shards() < 2 || tile % drawn.shards() == drawn.shard();
 }
 
+// How many configurations a tile of the grid has.
+uint64_t ConfigurationsIn(const ConfigurationGrid& grid, uint64_t tile);
+
 // How many configurations of the grid it has.
 uint64_t ConfigurationsOf(const storage::v1::DrawnImages& drawn, const ConfigurationGrid& grid);
 

@@ -13,9 +13,19 @@ namespace silhouette {
 namespace {
 
 // So that a transaction that is begun afterwards knows them.
-void OpenSubDatabases(const DatabaseState& state) {
-  state.environment->Find(state.places.collision_index);
-  state.environment->Find(state.places.raw_images);
+absl::Status OpenSubDatabases(const DatabaseState& state) {
+  RETURN_IF_ERROR(state.environment->Find(state.places.collision_index).status());
+  return state.environment->Find(state.places.raw_images).status();
+}
+
+// Unavailable: others replaced the masks, and the settings in the cell's description with them.
+absl::Status CheckSameCell(const DatabaseState& state, const ReadTransaction& transaction) {
+  const auto hold = state.environment->HoldMap();
+  ASSIGN_OR_RETURN(const auto cell,
+                   ReadMeta(*state.environment, transaction.get(), schema::kCellKey));
+  if (cell == state.stored_cell) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("database '", state.path, "' changed meanwhile; load it again"));
 }
 
 }  // namespace
@@ -26,7 +36,7 @@ Snapshot::Snapshot(Snapshot&&) noexcept = default;
 Snapshot& Snapshot::operator=(Snapshot&&) noexcept = default;
 
 absl::StatusOr<Snapshot> Database::Read() const {
-  OpenSubDatabases(*state_);
+  RETURN_IF_ERROR(OpenSubDatabases(*state_));
   ASSIGN_OR_RETURN(ReadTransaction transaction, state_->environment->Read());
   return StateOf(std::make_shared<const ReadTransaction>(std::move(transaction)));
 }
@@ -50,8 +60,9 @@ absl::StatusOr<std::vector<VariantState>> Database::ReadVariants() const {
     std::vector<std::unique_ptr<Database>> variants;
     for (const std::string& name : names) {
       absl::StatusOr<std::unique_ptr<Database>> variant = OpenVariant(name);
-      if (!variant.ok()) break;
-      OpenSubDatabases(*(*variant)->state_);
+      if (absl::IsNotFound(variant.status())) break;
+      RETURN_IF_ERROR(variant.status());
+      RETURN_IF_ERROR(OpenSubDatabases(*(*variant)->state_));
       variants.push_back(*std::move(variant));
     }
     ASSIGN_OR_RETURN(ReadTransaction transaction, state_->environment->Read());
@@ -67,6 +78,7 @@ absl::StatusOr<std::vector<VariantState>> Database::ReadVariants() const {
       ASSIGN_OR_RETURN(Snapshot snapshot, variant->StateOf(held));
       states.push_back({std::move(variant), std::move(snapshot)});
     }
+    RETURN_IF_ERROR(CheckSameCell(*state_, *held));
     return states;
   }
   return absl::UnavailableError(
@@ -158,7 +170,7 @@ absl::StatusOr<storage::v1::ProvenanceLog> Snapshot::Provenance() const {
 absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumber number,
                                                                int view) const {
   Environment& environment = impl_->environment();
-  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  ASSIGN_OR_RETURN(const auto raw_images, environment.Find(impl_->state->places.raw_images));
   if (!raw_images) return std::optional<RawImage>();
   const auto hold = environment.HoldMap();
   const auto place = static_cast<uint64_t>(view);
@@ -172,7 +184,7 @@ absl::StatusOr<std::optional<RawImage>> Snapshot::FindRawImage(ConfigurationNumb
 absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() const {
   Environment& environment = impl_->environment();
   std::vector<ConfigurationNumber> numbers;
-  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  ASSIGN_OR_RETURN(const auto raw_images, environment.Find(impl_->state->places.raw_images));
   if (!raw_images) return numbers;
   const auto hold = environment.HoldMap();
   RETURN_IF_ERROR(environment.ForEachEntry(
@@ -186,7 +198,7 @@ absl::StatusOr<std::vector<ConfigurationNumber>> Snapshot::RawImageNumbers() con
 
 absl::StatusOr<storage::v1::References> Snapshot::ReferencesOf(uint64_t id) const {
   Environment& environment = impl_->environment();
-  const auto raw_images = environment.Find(impl_->state->places.raw_images);
+  ASSIGN_OR_RETURN(const auto raw_images, environment.Find(impl_->state->places.raw_images));
   const auto hold = environment.HoldMap();
   std::optional<std::string_view> value;
   if (raw_images) {

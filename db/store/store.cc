@@ -120,9 +120,9 @@ absl::Status PlaceDataFile(const std::string& path,
 }
 
 absl::Status Fill(const Environment& environment, WriteTransaction& transaction,
-                  const CellDescription& cell) {
+                  const std::string& cell) {
   RETURN_IF_ERROR(transaction.Put(environment.meta(), schema::kFormatKey, schema::FormatValue()));
-  RETURN_IF_ERROR(WriteMeta(environment, transaction, schema::kCellKey, cell.SerializeAsString()));
+  RETURN_IF_ERROR(WriteMeta(environment, transaction, schema::kCellKey, cell));
   return WriteMeta(environment, transaction, schema::kGenerationKey, schema::EncodeGeneration(1));
 }
 
@@ -142,6 +142,7 @@ void RemoveDatabase(const std::string& path) {
 absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& path,
                                                            const CellDescription& cell) {
   ASSIGN_OR_RETURN(std::shared_ptr<DatabaseState> state, Describe(path, cell));
+  state->stored_cell = state->cell.SerializeAsString();
   RETURN_IF_ERROR(PrepareFolder(path));
   ASSIGN_OR_RETURN(WriterLock lock, WriterLock::Take(path));
   const absl::Status existing = Environment::Open(path).status();
@@ -153,7 +154,8 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Create(const std::string& pa
   RETURN_IF_ERROR(PlaceDataFile(path, [&](const std::string& folder) {
     return Environment::Create(folder,
                                [&](WriteTransaction& transaction) {
-                                 return Fill(transaction.environment(), transaction, state->cell);
+                                 return Fill(transaction.environment(), transaction,
+                                             state->stored_cell);
                                })
         .status();
   }));
@@ -189,6 +191,7 @@ absl::StatusOr<std::unique_ptr<Database>> Database::Open(const std::string& path
     return absl::DataLossError(
         absl::StrCat("database '", path, "': its description of the cell is damaged"));
   }
+  (*state)->stored_cell = *std::move(payload);
   if (lock) (*state)->writer_lock = std::make_shared<const WriterLock>(*std::move(lock));
   (*state)->robot_images = environment->robot_images();
   (*state)->environment = std::move(environment);
@@ -275,8 +278,10 @@ absl::StatusOr<Database::Usage> Database::GetUsage() const {
   std::vector<Places> places;
   for (const std::string& name : names) {
     const schema::VariantPlaces of = schema::PlacesOfVariant(name);
-    places.push_back({environment.Find(of.robot_images), environment.Find(of.collision_index),
-                      environment.Find(of.raw_images)});
+    Places& of_variant = places.emplace_back();
+    ASSIGN_OR_RETURN(of_variant.images, environment.Find(of.robot_images));
+    ASSIGN_OR_RETURN(of_variant.index, environment.Find(of.collision_index));
+    ASSIGN_OR_RETURN(of_variant.raw_images, environment.Find(of.raw_images));
   }
   ASSIGN_OR_RETURN(ReadTransaction transaction, environment.Read());
   const auto hold = environment.HoldMap();

@@ -229,7 +229,8 @@ class Database {
   absl::StatusOr<Snapshot> Read() const;
 
   // One state of all variants, in the order of Variants(). The snapshots share one transaction: one
-  // thread at a time may use any of them.
+  // thread at a time may use any of them. Unavailable: cell() is of an earlier state, for another
+  // Database replaced the masks since; open it again.
   absl::StatusOr<std::vector<VariantState>> ReadVariants() const;
 
   // A writer of robot images; `program` goes into the provenance log. `max_delay`: how long records

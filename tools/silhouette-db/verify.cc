@@ -12,6 +12,7 @@
 #include "db/status/status_macros.h"
 #include "db/store/fixed_joints.h"
 #include "db/store/shards.h"
+#include "db/store/suspects.h"
 #include "server/collision/robot_image_table.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
@@ -35,6 +36,7 @@ struct Findings {
   uint64_t damaged = 0;
   uint64_t missing = 0;
   uint64_t elsewhere = 0;  // captured with a fixed joint elsewhere
+  uint64_t suspect = 0;    // captured while the cell may have changed
   std::vector<FixedJointRange> fixed_joints;
   uint64_t raw_images = 0;  // configurations that have them
   CollisionIndexSummary index;
@@ -53,6 +55,7 @@ struct Findings {
     damaged += other.damaged;
     missing += other.missing;
     elsewhere += other.elsewhere;
+    suspect += other.suspect;
     raw_images += other.raw_images;
     faults.insert(faults.end(), other.faults.begin(), other.faults.end());
   }
@@ -168,6 +171,8 @@ class MotionCheck {
 absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
                          FixedJointCheck& fixed_joints, Findings& findings) {
   const ConfigurationGrid& grid = database.grid();
+  ASSIGN_OR_RETURN(const auto history, index.snapshot().CaptureHistory());
+  const SuspectSpans suspects(history);
   MotionCheck motion;
   Progress progress("verify", index.snapshot().size(), "records");
   IndexCheck index_check(index);
@@ -182,6 +187,7 @@ absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
       image->excluded ? ++findings.excluded : ++findings.captured;
       fixed_joints.Take(*image);
       motion.Take(*image);
+      if (!image->excluded && suspects.Contain(image->captured)) ++findings.suspect;
       if (ShowsNoRobot(*image)) without_robot.push_back(number);
     }
     index_check.Take(number, image);
@@ -192,6 +198,11 @@ absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
   if (StopRequested()) return Stopped("verify reads the database from its beginning each time");
   fixed_joints.Report(findings);
   motion.Report(database.cell(), findings);
+  if (findings.suspect > 0) {
+    findings.faults.push_back(absl::StrCat(
+        findings.suspect, " robot images were captured while the cell may have changed; capture ",
+        "them again with 'silhouette-capture run --only suspect'"));
+  }
   if (!without_robot.empty()) {
     findings.faults.push_back(absl::StrCat(
         "robot images without a pixel of the robot in any view, which no obstacle can meet: ",
@@ -317,10 +328,10 @@ absl::StatusOr<Findings> VerifyVariant(const VerifyOptions& options, const std::
 }
 
 Json JsonOf(const Findings& findings, const CollisionIndexSummary& index) {
-  return {{"captured", findings.captured},      {"excluded", findings.excluded},
-          {"damaged", findings.damaged},        {"missing", findings.missing},
-          {"elsewhere", findings.elsewhere},    {"raw_images", findings.raw_images},
-          {"collision_index", StateJson(index)}};
+  return {{"captured", findings.captured},     {"excluded", findings.excluded},
+          {"damaged", findings.damaged},       {"missing", findings.missing},
+          {"elsewhere", findings.elsewhere},   {"suspect", findings.suspect},
+          {"raw_images", findings.raw_images}, {"collision_index", StateJson(index)}};
 }
 
 // A variant's part of the result; `of` begins its lines.

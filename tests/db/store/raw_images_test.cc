@@ -177,6 +177,42 @@ TEST_F(RawImagesTest, MasksAreReplacedAllAtOnceAndTheSettingsWithThem) {
   EXPECT_EQ(after->Provenance()->entries().rbegin()->program(), "test remask");
 }
 
+TEST_F(RawImagesTest, MasksAreNotReadWithTheSettingsOfThoseThatTheyReplaced) {
+  Write(Captured(*database_, 3), {});
+  const auto reader = *Database::Open(folder_ / "db", Database::Access::kRead);
+  EXPECT_TRUE(reader->ReadVariants().ok());
+  ASSERT_TRUE(database_->ReplaceMasks(*Made({Captured(*database_, 3, 77)}), "test").ok());
+  const absl::Status status = reader->ReadVariants().status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr("changed meanwhile; load it again"));
+  EXPECT_TRUE(database_->ReadVariants().ok());
+  EXPECT_TRUE((*Database::Open(folder_ / "db", Database::Access::kRead))->ReadVariants().ok());
+}
+
+TEST_F(RawImagesTest, ThatCannotBeLookedUpAreNotTakenForAbsent) {
+  ASSERT_TRUE(database_->CreateVariant("tool", "test").ok());
+  const RobotImage image = Captured(*database_, 7);
+  {
+    const auto tool = *database_->OpenVariant("tool");
+    auto writer = tool->Write("test");
+    ASSERT_TRUE(writer->Put(image, true, {"a", "b"}).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  Reopen();
+  const auto tool = *database_->OpenVariant("tool");
+  auto writer = tool->Write("test", absl::Hours(1));
+  ASSERT_TRUE(writer->Put(image, true).ok());
+  std::vector<Snapshot> readers;  // as many as there may be
+  auto reader = database_->Read();
+  for (; reader.ok(); reader = database_->Read()) readers.push_back(*std::move(reader));
+  EXPECT_TRUE(absl::IsResourceExhausted(reader.status())) << reader.status();
+  const absl::Status status = writer->Commit();
+  EXPECT_TRUE(absl::IsResourceExhausted(status)) << status;
+  readers.clear();
+  ASSERT_TRUE(writer->Commit().ok());
+  EXPECT_THAT(*tool->Read()->RawImageNumbers(), IsEmpty());
+}
+
 using RawImagesOnAFullDisk = FullDisk;
 
 TEST_F(RawImagesOnAFullDisk, AreStoredWithTheirRobotImageOrNotAtAll) {

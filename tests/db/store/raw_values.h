@@ -17,7 +17,7 @@ inline void PutRaw(const std::string& folder, const std::string& sub_database, u
                    uint64_t to, const std::function<std::string(const std::string&)>& change) {
   const auto environment = Environment::Open(folder);
   ASSERT_TRUE(environment.ok()) << environment.status();
-  const MDB_dbi values = (*environment)->Find(sub_database).value();
+  const MDB_dbi values = **(*environment)->Find(sub_database);
   const auto write = [&](WriteTransaction& transaction) {
     const schema::NumberKey from_key = schema::EncodeKey(from);
     const schema::NumberKey to_key = schema::EncodeKey(to);

@@ -86,7 +86,7 @@ int SharedRecords(const std::string& folder, const std::string& variant) {
   const auto images = (*environment)->Find(schema::PlacesOfVariant(variant).robot_images);
   const auto transaction = (*environment)->Read();
   MDB_cursor* cursor = nullptr;
-  EXPECT_EQ(mdb_cursor_open(transaction->get(), *images, &cursor), 0);
+  EXPECT_EQ(mdb_cursor_open(transaction->get(), **images, &cursor), 0);
   int shared = 0;
   MDB_val key;
   MDB_val value;
@@ -247,7 +247,7 @@ TEST_F(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
   ASSERT_TRUE(BuildCollisionIndex(*database_).ok());
   EXPECT_EQ(OpenIndex(*variant_)->State(0), TileState::kFresh);
   const auto environment = *Environment::Open(database_->path());
-  const auto values = *environment->Find(schema::PlacesOfVariant(kTool).collision_index);
+  const MDB_dbi values = **environment->Find(schema::PlacesOfVariant(kTool).collision_index);
   const schema::NumberKey key = schema::EncodeKey(0);
   const std::string_view key_view(key.data(), key.size());
   std::string stored;
@@ -359,6 +359,15 @@ TEST_F(Variants, MasksOfAllAreReplacedAtOnce) {
   EXPECT_EQ(ContentOf(*variant_), AsContent(WithTools(plain, 4)));
   EXPECT_EQ(**(*before)[1].snapshot.Find(plain[3].number), WithTools(plain, 1)[3]);
   EXPECT_GT(SharedRecords(database_->path(), kTool), 0);
+}
+
+TEST_F(Variants, AreMadeAlsoWhereTheMapIsFull) {
+  const auto database = MakeDatabase();
+  const auto environment = *Environment::Open(database->path());
+  const auto reader = environment->Read();                   // no page is used again
+  ASSERT_EQ(mdb_env_set_mapsize(environment->get(), 1), 0);  // as small as the content allows
+  const auto made = database->CreateVariant(kTool, "test");
+  EXPECT_TRUE(made.ok()) << made.status();
 }
 
 TEST_F(Variants, AreInACompactCopy) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Folders without permission to write. Root may write everywhere, so the reader is a child process
 // that gives its rights away, and a read-only mount.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -107,6 +108,25 @@ TEST(Database, WithoutPermissionToReadSaysSo) {
                      std::string(status.message()).find("no permission") != std::string::npos,
                  status.ToString());
   }));
+}
+
+TEST(Database, ThatAProcessOfTheSameNumberInAnotherContainerHasOpenSaysSo) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeReadableDatabase(folder / "db");
+  // As LMDB registers that process.
+  const int file = open((folder / "db/lock.mdb").c_str(), O_RDWR | O_CLOEXEC);
+  struct flock other {};
+  other.l_type = F_WRLCK;
+  other.l_whence = SEEK_SET;
+  other.l_start = getpid();
+  other.l_len = 1;
+  ASSERT_EQ(fcntl(file, F_OFD_SETLK, &other), 0) << strerror(errno);
+  const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr("in another container has it open"));
+  EXPECT_THAT(status.message(), HasSubstr("--pid=host"));
+  close(file);
+  EXPECT_TRUE(CanBeRead(folder / "db"));
 }
 
 TEST(Database, OnAReadOnlyFileSystemCanBeRead) {

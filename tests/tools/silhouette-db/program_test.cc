@@ -80,6 +80,29 @@ TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
   EXPECT_EQ(info["references"], true);
 }
 
+TEST_F(SilhouetteDb, VerifyTellsSuspectRobotImages) {
+  MakeDatabase("db");
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    RobotImage image = TestImage(**database, NumberAt(2, 1));
+    image.excluded = false;
+    image.masks = {OnePixel({64, 64}), Mask({33, 20})};
+    image.captured = absl::FromUnixSeconds(15);
+    ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+    storage::v1::CaptureHistory history;
+    storage::v1::SuspectSpan& span = *history.add_suspects();
+    span.mutable_after()->set_seconds(14);
+    span.mutable_until()->set_seconds(15);
+    ASSERT_TRUE((*database)->SetCaptureHistory(history).ok());
+  }
+  const Ended text = Run("verify db");
+  EXPECT_EQ(text.exit_code, 1);
+  EXPECT_THAT(text.out, HasSubstr("1 robot images were captured while the cell may have changed"));
+  EXPECT_EQ(Json::parse(Run("verify db --format json").out)["suspect"], 1);
+}
+
 TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
   MakeDatabase("db");
   EXPECT_EQ(Run("verify db").exit_code, 0);

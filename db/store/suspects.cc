@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "db/store/suspects.h"
+
+#include <algorithm>
+
+namespace silhouette {
+
+absl::Time TimeOf(const google::protobuf::Timestamp& stamp) {
+  return absl::FromUnixSeconds(stamp.seconds()) + absl::Nanoseconds(stamp.nanos());
+}
+
+SuspectSpans::SuspectSpans(const storage::v1::CaptureHistory& history) {
+  for (const storage::v1::SuspectSpan& span : history.suspects()) {
+    spans_.emplace_back(TimeOf(span.after()), TimeOf(span.until()));
+  }
+}
+
+bool SuspectSpans::Contain(absl::Time captured) const {
+  return std::ranges::any_of(
+      spans_, [&](const auto& span) { return captured > span.first && captured <= span.second; });
+}
+
+}  // namespace silhouette
