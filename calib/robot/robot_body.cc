@@ -61,7 +61,8 @@ Eigen::AlignedBox3d BoxIn(const Eigen::Isometry3d& base_from_link, const Eigen::
 double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
   double least = std::numeric_limits<double>::infinity();
   if (hint < links_.size() && links_[hint].certain != nullptr) {
-    least = links_[hint].certain->AtMost(links_[hint].link_from_base * point);
+    const Link& link = links_[hint];
+    least = link.certain->AtMost(link.link_from_base * point) + link.movement;
   }
   // Outside a box, what is in it is at least as far away as the box.
   const auto no_nearer = [&](double squared_distance) {
@@ -74,7 +75,7 @@ double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
     if (no_nearer(link.box.squaredExteriorDistance(point))) continue;
     const Eigen::Vector3d at = link.link_from_base * point;
     if (no_nearer(link.certain->box().squaredExteriorDistance(at))) continue;
-    const double distance = link.certain->AtMost(at);
+    const double distance = link.certain->AtMost(at) + link.movement;
     if (distance >= least) continue;
     least = distance;
     hint = i;
@@ -209,10 +210,13 @@ RobotBody::Fields RobotBody::FieldsOf(const RobotLink& link, const Settings& set
   return fields;
 }
 
-PosedBody RobotBody::At(std::span<const double> positions) const {
+PosedBody RobotBody::At(std::span<const double> positions,
+                        std::span<const double> half_ranges) const {
   PosedBody body;
   body.tolerance_ = settings_.tolerance;
-  AddLinks(positions, std::vector<double>(positions.size(), 0), /*still=*/true, body);
+  std::vector<double> half(half_ranges.begin(), half_ranges.end());
+  half.resize(positions.size(), 0);
+  AddLinks(positions, half, /*still=*/true, body);
   return body;
 }
 

@@ -18,8 +18,9 @@ namespace silhouette {
 class PosedBody {
  public:
   // The distance of a point from what is certain of the robot, negative inside, or more: never
-  // less. The true robot has every point at which it is negative. `hint`: the link that was the
-  // nearest to some point near by, 0 to begin with; on return, to this one.
+  // less, whatever the joint values in their ranges. The true robot has every point at which it is
+  // negative. `hint`: the link that was the nearest to some point near by, 0 to begin with; on
+  // return, to this one.
   double AtMost(const Eigen::Vector3d& point, size_t& hint) const;
 
   // Whether any point of the true robot, tool and payload included, may lie within `radius` of the
@@ -99,9 +100,9 @@ class RobotBody {
   // Names of the links that have a shape whose mesh is not closed.
   const std::vector<std::string>& open_links() const { return open_links_; }
 
-  // The body with the joints at `positions`, in the order of the model's joints; as many, else
-  // std::invalid_argument is thrown.
-  PosedBody At(std::span<const double> positions) const;
+  // The body with the joints at `positions`, in the order of the model's joints, each up to its
+  // half range to either side; none: at them. As many, else std::invalid_argument is thrown.
+  PosedBody At(std::span<const double> positions, std::span<const double> half_ranges = {}) const;
 
   // The body wherever every joint is between `from` and `to`: for MayReach and MayMeet alone. It is
   // that of some joint values in between, grown by how far its links move from there at most; of no

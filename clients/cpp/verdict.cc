@@ -95,6 +95,10 @@ Words WordsFor(Reason reason) {
       return {"outside workspace",
               "the robot reaches beyond the cell's workspace there, where obstacles are not found: "
               "keep it inside, or enlarge 'workspace' in the cell file"};
+    case Reason::kRobotImageSuspect:
+      return {"robot image suspect",
+              "the robot image was captured while the cell may have changed: capture it again "
+              "('silhouette-capture run --only suspect')"};
     case Reason::kNotInMap:
       return {
           "not in map",

@@ -109,14 +109,17 @@ Reason CollisionChecker::Unusable(Numbers corners) const {
   bool missing = false;
   bool corrupt = false;
   bool elsewhere = false;
+  bool suspect = false;
   for (ConfigurationNumber corner : corners) {
     const RobotImageState state = table_.state(corner);
     if (state == RobotImageState::kExcluded) return Reason::kExcluded;
     missing = missing || state == RobotImageState::kMissing;
     corrupt = corrupt || state == RobotImageState::kCorrupt;
     elsewhere = elsewhere || state == RobotImageState::kElsewhere;
+    suspect = suspect || state == RobotImageState::kSuspect;
   }
   if (corrupt) return Reason::kRobotImageCorrupt;
+  if (suspect) return Reason::kRobotImageSuspect;
   if (elsewhere) return Reason::kFixedJointMoved;
   return missing ? Reason::kRobotImageMissing : Reason::kNone;
 }

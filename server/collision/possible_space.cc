@@ -51,6 +51,8 @@ class PartPlanes {
     for (size_t view = 0; view < words_.size(); ++view) {
       if (!possible_pixels[view]) continue;
       const MaskSize size = possible_pixels[view]->size();
+      const Mask& ignored = space_.look(static_cast<int>(view)).ignored;
+      if (ignored.size() == size && Intersects(ignored.words(), words_[view])) continue;
       part.planes[view] = Mask::FromWords(size, words_[view]) & *possible_pixels[view];
       if (beyond_[view]) part.planes[view] = *part.planes[view] | Rim(size);
     }
@@ -90,6 +92,7 @@ class RobotQuery {
       const MaskSize size = wanted->size();
       // Where the robot meets an obstacle, the pixel is the robot's and not background.
       if (AnyCommon(robot_[view], wanted->words(), size.width, pixels)) continue;
+      if (space_.look(static_cast<int>(view)).Ignores(pixels)) continue;
       if (!pixels.whole && MayReachBeyond(robot_[view], size)) continue;
       if (++missed > may_miss_) return false;
     }

@@ -30,6 +30,7 @@ enum class RobotImageState : uint8_t {
   kExcluded,   // in a region the robot must never enter
   kCorrupt,    // a record that fails its checksum
   kElsewhere,  // captured while a joint outside the grid was not where the cell has it
+  kSuspect,    // captured while the cell may have changed
 };
 
 class RobotImageTable {
@@ -137,7 +138,7 @@ class RobotImageTable {
   std::vector<PlaceSet> present_sets_;         // by tile; a single one if images are drawn
   std::vector<Mask> permanent_;
   std::vector<Mask> covered_;
-  std::array<uint64_t, 5> counts_{};  // by state; not of what is missing
+  std::array<uint64_t, 6> counts_{};  // by state; not of what is missing
 };
 
 class RobotImageTable::Builder {

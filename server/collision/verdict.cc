@@ -35,8 +35,9 @@ std::string NameOf(Reason reason) {
                                     "robot elsewhere",
                                     "motion not proven",
                                     "depends on wrist",
-                                    "outside workspace"};
-  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kOutsideWorkspace) + 1);
+                                    "outside workspace",
+                                    "robot image suspect"};
+  static_assert(std::size(kNames) == static_cast<size_t>(Reason::kRobotImageSuspect) + 1);
   const auto number = static_cast<size_t>(reason);
   return number < std::size(kNames) ? kNames[number] : NameOf(Reason::kInternal);
 }

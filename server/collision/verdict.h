@@ -44,6 +44,7 @@ enum class Reason : uint8_t {
   kMotionNotProven = 25,
   kDependsOnWrist = 26,
   kOutsideWorkspace = 27,
+  kRobotImageSuspect = 28,
 };
 
 // "scene stale" and the like, for logs and messages.

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <span>
+#include <stdexcept>
 #include <utility>
 
 namespace silhouette {
@@ -83,6 +84,13 @@ std::optional<Vector2d> EllipseIn(const VoxelView& view, const Vector3d& centre,
   if (!(extents.minCoeff() > 0)) return std::nullopt;
   const double correlation = std::abs(matrix(0, 1)) / (extents.x() * extents.y());
   return std::sqrt(std::max(0.0, 1 - correlation)) * extents - bend;
+}
+
+// Throws unless indices below `end` fit into the entries of a Look.
+void CheckIndices(uint64_t end) {
+  if (end <= uint64_t{1} << 32) return;
+  throw std::invalid_argument(
+      "the images of the voxels have too many shapes; use smaller masks or a coarser voxel_edge");
 }
 
 }  // namespace
@@ -170,7 +178,10 @@ uint32_t VoxelLooker::TouchedIndex(const PixelRectangle& pixels) {
   if (pixels.width == 0) return 0;
   const VoxelSpace::RectangleKind kind{pixels.width, pixels.height, pixels.whole};
   const auto [place, added] = kinds_.emplace(kind, static_cast<uint32_t>(look_.kinds.size()));
-  if (added) look_.kinds.push_back(kind);
+  if (added) {
+    look_.kinds.push_back(kind);
+    CheckIndices(1 + look_.kinds.size() * view_.mask_size.pixels());
+  }
   return 1 + place->second * static_cast<uint32_t>(view_.mask_size.pixels()) +
          static_cast<uint32_t>(pixels.y * view_.mask_size.width + pixels.x);
 }
@@ -230,8 +241,11 @@ uint32_t VoxelLooker::CertainIndex(const PlaneBox& centres, BallShapes& balls) {
   if (known == BallShapes::kNotMade) {
     const PixelShape shape = SurelyTouched({from.cast<double>() / steps, to.cast<double>() / steps},
                                            balls.radii.cast<double>() / steps);
-    const auto [place, is_new] = shapes_.emplace(shape, static_cast<uint32_t>(shapes_.size()));
-    if (is_new) look_.shapes.push_back(shape);
+    const auto [place, is_new] = shapes_.emplace(shape, static_cast<uint32_t>(look_.shapes.size()));
+    if (is_new) {
+      look_.shapes.push_back(shape);
+      CheckIndices(look_.shapes.size() * static_cast<size_t>(size.height) * look_.row_bits());
+    }
     known = place->second;
   }
   const uint32_t row =

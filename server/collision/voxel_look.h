@@ -31,7 +31,8 @@ class VoxelLooker {
   // The pixels that any voxel of a block may touch; not whole where one may be out of the image.
   PixelRectangle BlockRectangle(const VoxelSpace::Block& block);
 
-  // Appends the block's voxels.
+  // Appends the block's voxels. Throws std::invalid_argument if they have more kinds or shapes than
+  // the entries of a Look can number.
   void Append(const VoxelSpace::Block& block);
 
  private:

@@ -60,14 +60,22 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
     if (!(view.margin.minCoeff() >= 0) || !view.margin.allFinite()) {
       throw std::invalid_argument("a view's margin must not be negative");
     }
-    for (const Mask* pixels : {&view.swept, &view.permanent}) {
+    for (const Mask* pixels : {&view.swept, &view.permanent, &view.ignored}) {
       if (pixels->size() != MaskSize{} && pixels->size() != view.mask_size) {
         throw std::invalid_argument("the swept pixels of a view have not the size of its masks");
       }
     }
   }
   looks_.resize(views.size());
-  for (size_t view = 0; view < views.size(); ++view) looks_[view].mask_size = views[view].mask_size;
+  for (size_t i = 0; i < views.size(); ++i) {
+    VoxelView& view = views[i];
+    looks_[i].mask_size = view.mask_size;
+    looks_[i].ignored = view.ignored;
+    if (view.ignored.size() == MaskSize{}) continue;
+    if (view.swept.size() != MaskSize{}) view.swept = view.swept | view.ignored;
+    view.permanent =
+        view.permanent.size() != MaskSize{} ? view.permanent | view.ignored : view.ignored;
+  }
   // A voxel that only touches the workspace from outside has no part in it.
   const Eigen::AlignedBox3d inner = WithRoom(workspace, -kTouching * grid_.edge());
   FindActiveBlocks(views, inner);

@@ -40,6 +40,9 @@ struct VoxelView {
   Mask swept{};
   // Pixels that the robot covers in each of them; of no size where none is known.
   Mask permanent{};
+  // Pixels in which those images may lack the robot, such as behind a pillar before the camera; of
+  // no size where there are none. A robot counts as seen in them wherever it is.
+  Mask ignored{};
 };
 
 // Pixels [x, x + width) x [y, y + height) of a view; no pixels where both are 0.
@@ -105,7 +108,8 @@ class VoxelSpace {
   // `workspace`: holds every point that the robot ever reaches. `least_obstacle`: rho, the radius
   // of the balls that every obstacle is a union of. `edge`: of the voxels; nothing: a third of rho.
   // Throws std::invalid_argument if there is no view or more than kMostViews, a length is not
-  // positive, a mask or margin cannot be, or as VoxelGrid does.
+  // positive, a mask or margin cannot be, the masks are too large for so many voxels, or as
+  // VoxelGrid does.
   VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
              std::vector<VoxelView> views, std::optional<double> edge = std::nullopt);
 
@@ -164,7 +168,14 @@ class VoxelSpace {
     std::vector<PixelShape> shapes;
     // Per active block: what all of its voxels touch; whole if all of them are.
     std::vector<PixelRectangle> block_touched;
+    // VoxelView::ignored.
+    Mask ignored;
 
+    // Whether the view may lack the robot in some of these pixels.
+    bool Ignores(const PixelRectangle& pixels) const {
+      return ignored.size() == mask_size &&
+             AnyCommon(ignored.words(), ignored.words(), mask_size.width, pixels);
+    }
     PixelRectangle Rectangle(uint32_t touched_index) const;
     // A row of pixels, rounded up to whole words.
     uint32_t row_bits() const { return (static_cast<uint32_t>(mask_size.width) + 63) / 64 * 64; }

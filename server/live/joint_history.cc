@@ -71,8 +71,9 @@ absl::StatusOr<std::span<const JointHistory::Sample>> JointHistory::Around(
   return std::span(std::prev(later), std::next(after));
 }
 
-absl::StatusOr<std::vector<double>> JointHistory::MiddleOf(std::span<const Sample> samples) const {
-  std::vector<double> middle;
+absl::StatusOr<std::vector<JointHistory::Range>> JointHistory::RangesOf(
+    std::span<const Sample> samples) const {
+  std::vector<Range> ranges;
   for (size_t joint = 0; joint < continuous_.size(); ++joint) {
     const double start = samples.front().positions[joint];
     double lower = start;
@@ -88,20 +89,20 @@ absl::StatusOr<std::vector<double>> JointHistory::MiddleOf(std::span<const Sampl
           "the robot moved a joint by ", upper - lower,
           " while the images were taken, more than max_joint_movement, ", settings_.max_movement));
     }
-    middle.push_back((lower + upper) / 2);
+    ranges.push_back({(lower + upper) / 2, (upper - lower) / 2});
   }
-  return middle;
+  return ranges;
 }
 
-absl::StatusOr<std::vector<double>> JointHistory::Between(absl::Duration first, absl::Duration last,
-                                                          absl::Duration longest) const {
+absl::StatusOr<std::vector<JointHistory::Range>> JointHistory::Between(
+    absl::Duration first, absl::Duration last, absl::Duration longest) const {
   std::unique_lock lock(mutex_);
   const auto told = [&] {
     return !fault_.ok() || (!samples_.empty() && samples_.back().asked >= last);
   };
   changed_.wait_for(lock, absl::ToChronoNanoseconds(longest), told);
   const auto samples = Around(first, last);
-  if (samples.ok()) return MiddleOf(*samples);
+  if (samples.ok()) return RangesOf(*samples);
   return fault_.ok() ? samples.status() : fault_;
 }
 
@@ -132,10 +133,12 @@ JointPoller::JointPoller(const storage::v1::CellDescription& cell, const LiveSet
 
 absl::StatusOr<std::vector<JointPosition>> JointPoller::Between(absl::Duration first,
                                                                 absl::Duration last) const {
-  ASSIGN_OR_RETURN(const std::vector<double> positions,
+  ASSIGN_OR_RETURN(const std::vector<JointHistory::Range> ranges,
                    history_.Between(first, last, settings_.joints_gap));
   std::vector<JointPosition> joints;
-  for (size_t i = 0; i < joints_.size(); ++i) joints.push_back({joints_[i], positions[i]});
+  for (size_t i = 0; i < joints_.size(); ++i) {
+    joints.push_back({joints_[i], ranges[i].middle, ranges[i].half});
+  }
   return joints;
 }
 

@@ -45,12 +45,18 @@ class JointHistory {
   // The robot did not answer; `why` is one sentence. Until the next Add() At() does not wait.
   void Fail(const absl::Status& why);
 
-  // Where the robot was from `first` to `last`: the middle of its samples from just before to just
-  // after. Waits for the sample after `last`, at most `longest`. Aborted: it moved too much.
-  // Unavailable, DeadlineExceeded, or the status given to Fail(): no sample is near enough before
-  // or after.
-  absl::StatusOr<std::vector<double>> Between(absl::Duration first, absl::Duration last,
-                                              absl::Duration longest) const;
+  // A joint's values: the middle, and how far they reach to either side. Radians, metres.
+  struct Range {
+    double middle = 0;
+    double half = 0;
+  };
+
+  // Where the robot was from `first` to `last`: by its samples from just before to just after, one
+  // range per joint. Waits for the sample after `last`, at most `longest`. Aborted: it moved too
+  // much. Unavailable, DeadlineExceeded, or the status given to Fail(): no sample is near enough
+  // before or after.
+  absl::StatusOr<std::vector<Range>> Between(absl::Duration first, absl::Duration last,
+                                             absl::Duration longest) const;
 
  private:
   struct Sample {
@@ -63,7 +69,7 @@ class JointHistory {
   // there is none before that is near enough; DeadlineExceeded: none after.
   absl::StatusOr<std::span<const Sample>> Around(absl::Duration first, absl::Duration last) const;
   // Aborted: they lie too far apart.
-  absl::StatusOr<std::vector<double>> MiddleOf(std::span<const Sample> samples) const;
+  absl::StatusOr<std::vector<Range>> RangesOf(std::span<const Sample> samples) const;
 
   const Settings settings_;
   const std::vector<bool> continuous_;

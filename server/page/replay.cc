@@ -33,7 +33,7 @@ Moment MomentAt(absl::Time time) { return {time, time - absl::UnixEpoch()}; }
 // A defect never stops to be one because its reason is of a newer server.
 Reason RecordedReason(v1::Verdict::Reason reason) {
   return reason > static_cast<int>(Reason::kNone) &&
-                 reason <= static_cast<int>(Reason::kOutsideWorkspace)
+                 reason <= static_cast<int>(Reason::kRobotImageSuspect)
              ? static_cast<Reason>(reason)
              : Reason::kInternal;
 }

@@ -259,7 +259,7 @@ CollisionImages Checker::PossibleImagesAt(std::span<const double> q) const {
     if (!robot || !possible.sees(static_cast<int>(view))) continue;
     images[view] = Mask(robot->size());
     for (const PossibleSpace::Part& part : possible.parts()) {
-      images[view] = *images[view] | (*part.planes[view] & *robot);
+      if (part.planes[view]) images[view] = *images[view] | (*part.planes[view] & *robot);
     }
   }
   return images;

@@ -8,7 +8,8 @@ namespace silhouette {
 
 struct JointPosition {
   std::string name;
-  double position = 0;  // radians, metres
+  double position = 0;    // radians, metres
+  double half_range = 0;  // it was nowhere farther from `position` while the images were taken
 };
 
 }  // namespace silhouette

@@ -104,6 +104,9 @@ std::string WhyUnusable(const ServedDatabase& database, RobotImageState state) {
       return absl::StrCat("has a robot image that was captured with a fixed joint elsewhere, as ",
                           database.elsewhere(),
                           "; 'silhouette-db verify' lists it; capture it again");
+    case RobotImageState::kSuspect:
+      return "has a robot image that was captured while the cell may have changed; capture it "
+             "again with 'silhouette-capture run --only suspect'";
     default:
       return "has no robot image; capture it";
   }

@@ -21,12 +21,15 @@ constexpr double kOldImage = 0.5;
 
 absl::StatusOr<std::shared_ptr<const DrawnRobot>> BodyOf(
     const SoundCell& cell, const storage::v1::CellDescription& description,
-    const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
+    const RobotImageTable& robot_images, const Calibration& calibration, double margin,
+    double fixed_joint_tolerance) {
   if (robot_images.drawn() != nullptr) return robot_images.drawn();
   const DrawnCell drawn{
       .robot = cell.robot,
       .parts = {.geometry = cell.settings.geometry, .tolerance = cell.settings.model_tolerance},
-      .payload_radius = cell.payload_radius};
+      .payload_radius = cell.payload_radius,
+      // The robot images' from where the cell has it, and the scene's from there.
+      .fixed_joint_tolerance = 2 * fixed_joint_tolerance};
   std::vector<std::string> moving;
   for (const GridJoint& joint : robot_images.grid().joints()) moving.push_back(joint.name);
   std::vector<FixedJoint> fixed;
@@ -112,8 +115,9 @@ SeparationBasis::SeparationBasis(const SeparationCell& cell,
 absl::StatusOr<std::shared_ptr<const SeparationBasis>> SeparationBasis::Make(
     const SoundCell& cell, std::shared_ptr<const SoundBasis> sound,
     const storage::v1::CellDescription& description, const RobotImageTable& robot_images,
-    const Calibration& calibration, double margin) {
-  ASSIGN_OR_RETURN(auto robot, BodyOf(cell, description, robot_images, calibration, margin));
+    const Calibration& calibration, double margin, double fixed_joint_tolerance) {
+  ASSIGN_OR_RETURN(auto robot, BodyOf(cell, description, robot_images, calibration, margin,
+                                      fixed_joint_tolerance));
   try {
     const SeparationCell& separation = *cell.separation;
     RequireValid(separation.settings);

@@ -32,12 +32,13 @@ class SeparationBasis {
   static constexpr double kVoxelsByDefault = 1e6;
 
   // `cell` states separation; its robot and body count here, too. Of `sound`, made from the same.
+  // `fixed_joint_tolerance`: as in LoadSettings.
   // InvalidArgument: the zone, the workspace or an edge cannot be, or as DrawnRobotOf
   // (drawn_cell.h).
   static absl::StatusOr<std::shared_ptr<const SeparationBasis>> Make(
       const SoundCell& cell, std::shared_ptr<const SoundBasis> sound,
       const storage::v1::CellDescription& description, const RobotImageTable& robot_images,
-      const Calibration& calibration, double margin);
+      const Calibration& calibration, double margin, double fixed_joint_tolerance);
 
   const SeparationSettings& settings() const { return settings_; }
   // Larger than the robot, tool and payload included, by its tolerance. Joints of the grid.

@@ -18,34 +18,39 @@
 #include "db/store/robot_images_in_place.h"
 #include "db/store/schema.h"
 #include "db/store/shards.h"
+#include "db/store/suspects.h"
 
 namespace silhouette {
 namespace {
 
-// Where fixed joints stood when a variant was captured.
-struct FixedJointsOfVariant {
-  FixedJointRanges& used;  // of all variants, as far as they are used
+// By what the robot images of a variant are judged.
+struct CaptureOfVariant {
+  FixedJointRanges& used;  // where fixed joints stood: of all variants, as far as they are used
   double tolerance = 0;
   std::string elsewhere;  // ServedDatabase::elsewhere()
+  SuspectSpans suspects;
 };
 
-void AddImage(const MetRecord& record, FixedJointsOfVariant& joints,
+void AddImage(const MetRecord& record, CaptureOfVariant& capture,
               RobotImageTable::Builder& builder) {
+  if (capture.suspects.Contain(record.captured)) {
+    return builder.AddWithout(record.number, RobotImageState::kSuspect);
+  }
   const std::optional<std::string> elsewhere =
-      joints.used.Elsewhere(record.measured, joints.tolerance);
+      capture.used.Elsewhere(record.measured, capture.tolerance);
   if (!elsewhere) {
-    joints.used.Add(record.measured);
+    capture.used.Add(record.measured);
     return builder.Add(record.number, record.words);
   }
-  if (joints.elsewhere.empty()) joints.elsewhere = *elsewhere;
+  if (capture.elsewhere.empty()) capture.elsewhere = *elsewhere;
   builder.AddWithout(record.number, RobotImageState::kElsewhere);
 }
 
-void AddRecord(const MetRecord& record, FixedJointsOfVariant& joints,
+void AddRecord(const MetRecord& record, CaptureOfVariant& capture,
                RobotImageTable::Builder& builder) {
   switch (record.masks) {
     case StoredMasks::kPresent:
-      return AddImage(record, joints, builder);
+      return AddImage(record, capture, builder);
     case StoredMasks::kExcluded:
       return builder.AddWithout(record.number, RobotImageState::kExcluded);
     case StoredMasks::kDamaged:
@@ -61,29 +66,29 @@ uint64_t BytesOfRecord(const Database& database) {
 }
 
 // Adds the records that are met to `builder`, and reports progress.
-VisitRecord AddingTo(RobotImageTable::Builder& builder, FixedJointsOfVariant& joints,
-                     uint64_t records, const LoadSettings& settings) {
+VisitRecord AddingTo(RobotImageTable::Builder& builder, CaptureOfVariant& capture, uint64_t records,
+                     const LoadSettings& settings) {
   constexpr uint64_t kRecordsPerReport = 4096;
-  return
-      [&builder, &joints, records, &settings, done = uint64_t{0}](const MetRecord& record) mutable {
-        AddRecord(record, joints, builder);
-        const bool tell = ++done % kRecordsPerReport == 0 || done == records;
-        if (tell && settings.progress) settings.progress(done, records);
-      };
+  return [&builder, &capture, records, &settings,
+          done = uint64_t{0}](const MetRecord& record) mutable {
+    AddRecord(record, capture, builder);
+    const bool tell = ++done % kRecordsPerReport == 0 || done == records;
+    if (tell && settings.progress) settings.progress(done, records);
+  };
 }
 
 absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const Snapshot& snapshot,
                                                const LoadSettings& settings,
-                                               FixedJointsOfVariant& joints) {
+                                               CaptureOfVariant& capture) {
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
-  RETURN_IF_ERROR(ForEachMasks(snapshot, AddingTo(builder, joints, snapshot.size(), settings)));
+  RETURN_IF_ERROR(ForEachMasks(snapshot, AddingTo(builder, capture, snapshot.size(), settings)));
   return std::move(builder).Build();
 }
 
 absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                             const std::shared_ptr<const Snapshot>& snapshot,
                                             const LoadSettings& settings,
-                                            FixedJointsOfVariant& joints) {
+                                            CaptureOfVariant& capture) {
   // The table is begun before there is what it will read from.
   const auto images = std::make_shared<std::shared_ptr<const RobotImagesInPlace>>();
   RobotImageTable::Builder builder(database.grid(), database.mask_sizes(),
@@ -92,23 +97,22 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                    });
   ASSIGN_OR_RETURN(
       auto opened,
-      RobotImagesInPlace::Open(snapshot, AddingTo(builder, joints, snapshot->size(), settings)));
+      RobotImagesInPlace::Open(snapshot, AddingTo(builder, capture, snapshot->size(), settings)));
   *images = std::move(opened);
   return std::move(builder).Build();
 }
 
 absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
                                                 const std::shared_ptr<const Snapshot>& snapshot,
-                                                LoadSettings& settings,
-                                                FixedJointsOfVariant& joints) {
+                                                LoadSettings& settings, CaptureOfVariant& capture) {
   const uint64_t bytes = BytesOfRecord(database);
   const bool further = database.variant() != schema::kDefaultVariant;
   if ((further && !settings.variants_in_memory) ||
       snapshot->size() > settings.robot_image_memory / bytes) {
-    return LoadInPlace(database, snapshot, settings, joints);
+    return LoadInPlace(database, snapshot, settings, capture);
   }
   settings.robot_image_memory -= snapshot->size() * bytes;
-  return LoadIntoMemory(database, *snapshot, settings, joints);
+  return LoadIntoMemory(database, *snapshot, settings, capture);
 }
 
 absl::Status CheckMotionShown(const Database& database, const RobotImageTable& images) {
@@ -302,7 +306,9 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
     const Database& database, std::shared_ptr<const Snapshot> snapshot, const Common& common,
     const CalibrationSettings& settings, const std::optional<SoundCell>& sound,
     LoadSettings& load) {
-  FixedJointsOfVariant joints{*common.fixed_joints, load.fixed_joint_tolerance, ""};
+  ASSIGN_OR_RETURN(const storage::v1::CaptureHistory history, snapshot->CaptureHistory());
+  CaptureOfVariant capture{*common.fixed_joints, load.fixed_joint_tolerance, "",
+                           SuspectSpans(history)};
   absl::StatusOr<RobotImageTable> loaded;
   std::string unverified;
   if (load.drawn) {
@@ -314,20 +320,22 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
                                     std::make_shared<const DrawnRobot>(std::move(robot.robot)),
                                     load.drawn->forbidden);
   } else {
-    loaded = LoadRobotImages(database, snapshot, load, joints);
+    loaded = LoadRobotImages(database, snapshot, load, capture);
   }
   ASSIGN_OR_RETURN(RobotImageTable robot_images, std::move(loaded));
   std::shared_ptr<const SoundBasis> sound_basis;
   std::shared_ptr<const SeparationBasis> separation;
   if (sound && common.calibration && !common.calibration->cameras.empty()) {
-    ASSIGN_OR_RETURN(auto made, SoundBasis::Make(*sound, database.cell(), robot_images,
-                                                 *common.calibration, settings.margin));
+    ASSIGN_OR_RETURN(auto made,
+                     SoundBasis::Make(*sound, database.cell(), robot_images, *common.calibration,
+                                      settings.margin, common.treatments.views));
     sound_basis = std::move(made);
   }
   if (sound_basis != nullptr && sound->separation) {
-    ASSIGN_OR_RETURN(separation,
-                     SeparationBasis::Make(*sound, sound_basis, database.cell(), robot_images,
-                                           *common.calibration, settings.margin));
+    ASSIGN_OR_RETURN(
+        separation,
+        SeparationBasis::Make(*sound, sound_basis, database.cell(), robot_images,
+                              *common.calibration, settings.margin, load.fixed_joint_tolerance));
   }
   std::shared_ptr<const CollisionIndex> index;
   std::string index_unused;
@@ -341,7 +349,7 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
   }
   std::shared_ptr<ServedDatabase> served(
       new ServedDatabase(database.variant(), common, std::move(robot_images),
-                         std::move(joints.elsewhere), std::move(index), std::move(sound_basis)));
+                         std::move(capture.elsewhere), std::move(index), std::move(sound_basis)));
   served->unverified_ = std::move(unverified);
   served->index_unused_ = std::move(index_unused);
   served->separation_ = std::move(separation);

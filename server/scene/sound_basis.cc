@@ -84,8 +84,8 @@ std::vector<VoxelView> ViewsOfSpace(const storage::v1::CellDescription& cell,
   return views;
 }
 
-SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
-                       const RobotImageTable& robot_images, std::vector<VoxelView> views)
+SoundBasis::SoundBasis(const SoundCell& sound, const RobotImageTable& robot_images,
+                       std::vector<VoxelView> views)
     : robot_(sound.robot),
       grid_(robot_images.grid()),
       whole_model_(sound.settings.whole_model),
@@ -96,9 +96,6 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
                            .range = sound.settings.least_obstacle,
                            .step = std::max(sound.VoxelEdge() / kStepsPerEdge, kLeastStep)}) {
   if (sound.robot_may_leave) workspace_ = sound.workspace;
-  for (const auto& joint : cell.fixed_joints()) {
-    fixed_joints_.push_back({joint.name(), joint.position()});
-  }
   for (const GridJoint& joint : grid_.joints()) {
     const double step = joint.any() ? kDrawnWay : joint.step();
     most_way_.push_back(robot_images.drawn() ? std::min(step, kDrawnWay) : step);
@@ -107,7 +104,8 @@ SoundBasis::SoundBasis(const SoundCell& sound, const storage::v1::CellDescriptio
 
 absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
     const SoundCell& sound, const storage::v1::CellDescription& cell,
-    const RobotImageTable& robot_images, const Calibration& calibration, double margin) {
+    const RobotImageTable& robot_images, const Calibration& calibration, double margin,
+    std::span<const ViewTreatment> treatments) {
   RETURN_IF_ERROR(CheckCell(sound));
   try {
     std::vector<VoxelView> views = ViewsOfSpace(cell, robot_images, calibration, margin);
@@ -118,12 +116,13 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
       CoveredPixels covered(robot_images, view);
       seen.swept = std::move(covered.any);
       seen.permanent = std::move(covered.every);
+      const std::optional<Mask>& ignored = treatments[static_cast<size_t>(view)].ignored;
+      if (ignored && robot_images.drawn() == nullptr) seen.ignored = *ignored;
       cameras.push_back(calibration.cameras[static_cast<size_t>(view)].ScaledTo(
           seen.mask_size.width, seen.mask_size.height));
       most_margin = std::max(most_margin, seen.margin.maxCoeff());
     }
-    const std::shared_ptr<SoundBasis> basis(
-        new SoundBasis(sound, cell, robot_images, std::move(views)));
+    const std::shared_ptr<SoundBasis> basis(new SoundBasis(sound, robot_images, std::move(views)));
     const ResolutionInput resolution{.cameras = cameras,
                                      .margin = most_margin,
                                      .workspace = sound.workspace,
@@ -136,40 +135,41 @@ absl::StatusOr<std::shared_ptr<const SoundBasis>> SoundBasis::Make(
   }
 }
 
-std::optional<std::vector<double>> SoundBasis::Positions(
+std::optional<SoundBasis::ModelJoints> SoundBasis::JointsOf(
     std::span<const JointPosition> joints) const {
-  std::vector<double> positions;
+  ModelJoints found;
   for (const RobotJoint& joint : robot_->joints()) {
     const auto told = std::find_if(joints.begin(), joints.end(),
                                    [&](const JointPosition& at) { return at.name == joint.name; });
     if (told == joints.end()) return std::nullopt;
-    positions.push_back(told->position);
+    found.positions.push_back(told->position);
+    found.half_ranges.push_back(told->half_range);
+  }
+  return found;
+}
+
+BodyDistance SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
+  const std::optional<ModelJoints> now = JointsOf(joints);
+  if (!now) return nullptr;
+  return [body = body_.At(now->positions, now->half_ranges), hint = size_t{0}](
+             const Eigen::Vector3d& point) mutable { return body.AtMost(point, hint); };
+}
+
+std::vector<double> SoundBasis::PositionsAt(std::span<const double> now,
+                                            std::span<const double> q) const {
+  std::vector<double> positions(now.begin(), now.end());
+  for (size_t i = 0; i < q.size(); ++i) {
+    const auto joint = robot_->JointIndex(grid_.joints()[i].name);
+    if (joint) positions[*joint] = q[i];
   }
   return positions;
 }
 
-BodyDistance SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
-  const std::optional<std::vector<double>> positions = Positions(joints);
-  if (!positions) return nullptr;
-  return [body = body_.At(*positions), hint = size_t{0}](const Eigen::Vector3d& point) mutable {
-    return body.AtMost(point, hint);
-  };
-}
-
-std::optional<std::vector<double>> SoundBasis::PositionsAt(const Configuration& q) const {
-  std::vector<JointPosition> there = fixed_joints_;
-  for (size_t i = 0; i < q.size(); ++i) there.push_back({grid_.joints()[i].name, q[i]});
-  return Positions(there);
-}
-
-std::optional<PosedBody> SoundBasis::BodyBetween(std::span<const double> from,
-                                                 std::span<const double> to) const {
-  const std::optional<std::vector<double>> lower = PositionsAt({from.begin(), from.end()});
-  if (!lower) return std::nullopt;
-  if (std::ranges::equal(from, to)) return body_.At(*lower);
-  const std::optional<std::vector<double>> upper = PositionsAt({to.begin(), to.end()});
-  if (!upper) return std::nullopt;
-  return body_.Between(*lower, *upper, space_.grid().edge() / 2);
+PosedBody SoundBasis::BodyBetween(std::span<const double> now, std::span<const double> from,
+                                  std::span<const double> to) const {
+  const std::vector<double> lower = PositionsAt(now, from);
+  if (std::ranges::equal(from, to)) return body_.At(lower);
+  return body_.Between(lower, PositionsAt(now, to), space_.grid().edge() / 2);
 }
 
 // The body at one place, or between two, after the other.
@@ -224,19 +224,20 @@ struct LeavingBody {
 };
 
 TestSupport::RobotMayTouch SoundBasis::RobotMayTouch(std::span<const JointPosition> joints) const {
-  const std::optional<std::vector<double>> now = Positions(joints);
+  const std::optional<ModelJoints> now = JointsOf(joints);
   if (!whole_model_ || !now) return nullptr;
   static std::atomic<uint64_t> last_owner = 0;
-  return [this, present = body_.At(*now), owner = ++last_owner](std::span<const double> from,
-                                                                std::span<const double> to,
-                                                                const Eigen::AlignedBox3d& box) {
+  return [this, now = now->positions, present = body_.At(now->positions, now->half_ranges),
+          owner = ++last_owner](std::span<const double> from, std::span<const double> to,
+                                const Eigen::AlignedBox3d& box) {
     // A place is asked about many boxes, by one thread.
     thread_local TestBody test;
     if (test.owner != owner || !std::ranges::equal(test.from, from) ||
         !std::ranges::equal(test.to, to)) {
-      const std::optional<PosedBody> body = BodyBetween(from, to);
-      if (!body) return true;
-      test = {owner, {from.begin(), from.end()}, {to.begin(), to.end()}, body->MovedFrom(present)};
+      test = {owner,
+              {from.begin(), from.end()},
+              {to.begin(), to.end()},
+              BodyBetween(now, from, to).MovedFrom(present)};
     }
     return test.MayTouch(box, present, kHalvings);
   };
@@ -250,12 +251,11 @@ std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
     const double farthest = std::max(std::abs(from[i] - start), std::abs(to[i] - start));
     if (!(farthest <= most_way_[i] + kSameJoint)) return std::nullopt;
   }
-  const auto one = PositionsAt({from.begin(), from.end()});
-  const auto other = PositionsAt({to.begin(), to.end()});
-  if (!one || !other) return std::nullopt;
+  const std::vector<double> one = PositionsAt(now, from);
+  const std::vector<double> other = PositionsAt(now, to);
   std::vector<double> end;
   for (size_t j = 0; j < now.size(); ++j) {
-    const auto [least, most] = std::minmax((*one)[j], (*other)[j]);
+    const auto [least, most] = std::minmax(one[j], other[j]);
     if (least < now[j] - kSameJoint && most > now[j] + kSameJoint) return std::nullopt;
     const bool moves = most > now[j] + kSameJoint || least < now[j] - kSameJoint;
     end.push_back(!moves ? now[j] : most > now[j] + kSameJoint ? most : least);
@@ -265,14 +265,14 @@ std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
 
 TestSupport::RobotMayMeet SoundBasis::RobotMayMeet(std::span<const JointPosition> joints,
                                                    const PossibleSpace& space) const {
-  const std::optional<std::vector<double>> now = Positions(joints);
+  const std::optional<ModelJoints> now = JointsOf(joints);
   const auto in_model = [this](const GridJoint& joint) {
     return robot_->JointIndex(joint.name).has_value();
   };
   if (!whole_model_ || !now) return nullptr;
   if (!std::ranges::all_of(grid_.joints(), in_model)) return nullptr;
-  return [this, &space, now = *now, present = body_.At(*now)](std::span<const double> from,
-                                                              std::span<const double> to) {
+  return [this, &space, now = now->positions, present = body_.At(now->positions, now->half_ranges)](
+             std::span<const double> from, std::span<const double> to) {
     const std::optional<PosedBody> body = BodyOnTheWay(now, from, to);
     if (!body) return true;
     LeavingBody leaving{.body = body->MovedFrom(present),

@@ -23,6 +23,7 @@
 #include "server/scene/joint_position.h"
 #include "server/scene/made_once.h"
 #include "server/scene/sound_settings.h"
+#include "server/scene/view_treatment.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
@@ -43,11 +44,13 @@ class SoundBasis {
   static constexpr double kDrawnWay = 0.1;
 
   // `calibration` must have a camera model per view. `margin`: pixels of the masks by which its
-  // projection may err. InvalidArgument: `sound` has a length that cannot be, a robot without
+  // projection may err. `treatments`: of the views; what is ignored in captured images may hide the
+  // robot. InvalidArgument: `sound` has a length that cannot be, a robot without
   // geometry, or a least obstacle so small that there would be more voxels than kMostVoxels.
   static absl::StatusOr<std::shared_ptr<const SoundBasis>> Make(
       const SoundCell& sound, const storage::v1::CellDescription& cell,
-      const RobotImageTable& robot_images, const Calibration& calibration, double margin);
+      const RobotImageTable& robot_images, const Calibration& calibration, double margin,
+      std::span<const ViewTreatment> treatments);
 
   const VoxelSpace& space() const { return space_; }
 
@@ -80,16 +83,21 @@ class SoundBasis {
                                          const PossibleSpace& space) const;
 
  private:
-  SoundBasis(const SoundCell& sound, const storage::v1::CellDescription& cell,
-             const RobotImageTable& robot_images, std::vector<VoxelView> views);
+  SoundBasis(const SoundCell& sound, const RobotImageTable& robot_images,
+             std::vector<VoxelView> views);
 
-  // The positions of the model's joints; nothing if one has no value.
-  std::optional<std::vector<double>> Positions(std::span<const JointPosition> joints) const;
-  // The same with the joints of the grid at `q`, the others as the cell has them.
-  std::optional<std::vector<double>> PositionsAt(const Configuration& q) const;
-  // The body between two configurations; nothing if a joint has no value.
-  std::optional<PosedBody> BodyBetween(std::span<const double> from,
-                                       std::span<const double> to) const;
+  // Of the model's joints, in its order.
+  struct ModelJoints {
+    std::vector<double> positions;
+    std::vector<double> half_ranges;
+  };
+  // Nothing if one has no value.
+  std::optional<ModelJoints> JointsOf(std::span<const JointPosition> joints) const;
+  // `now`, positions of the model's joints, with those of the grid at `q`.
+  std::vector<double> PositionsAt(std::span<const double> now, std::span<const double> q) const;
+  // The body between two configurations, other joints as they are now.
+  PosedBody BodyBetween(std::span<const double> now, std::span<const double> from,
+                        std::span<const double> to) const;
   // The body on its straight way from `now` to any configuration between the two; nothing if they
   // are more than a step of the grid away, or lie on either side of `now`.
   std::optional<PosedBody> BodyOnTheWay(std::span<const double> now, std::span<const double> from,
@@ -98,7 +106,6 @@ class SoundBasis {
   std::shared_ptr<const RobotModel> robot_;
   ConfigurationGrid grid_;
   std::vector<double> most_way_;  // by joint of the grid, see RobotMayMeet
-  std::vector<JointPosition> fixed_joints_;
   bool whole_model_ = false;
   double resolvable_obstacle_ = 0;
   double mask_scale_ = 0;

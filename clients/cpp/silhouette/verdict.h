@@ -46,6 +46,7 @@ enum class Reason : uint8_t {
   kMotionNotProven = 25,
   kDependsOnWrist = 26,
   kOutsideWorkspace = 27,
+  kRobotImageSuspect = 28,
   kNotInMap = 200,
   kBetweenGridPoints = 201,
   kNoUpdate = 203,

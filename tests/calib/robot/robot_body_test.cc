@@ -264,6 +264,33 @@ TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
   EXPECT_TRUE(moved.MayReach({0.3 * std::cos(0.5), 0.3 * std::sin(0.5), 1}, 0)) << "the arm";
 }
 
+TEST_F(RobotBodyTest, WhatIsInsideIsSoWhereverTheJointsAreInTheirRanges) {
+  const RobotModel robot = Three();
+  const RobotBody body(robot, {.range = kRange, .step = kStep});
+  Random random;
+  std::uniform_real_distribution<double> share(-1, 1);
+  int inside = 0;
+  for (int i = 0; i < SampleCount(40); ++i) {
+    std::vector<double> middle;
+    std::vector<double> half;
+    for (int joint = 0; joint < 3; ++joint) {
+      middle.push_back(share(random));
+      half.push_back(0.02 * std::abs(share(random)));
+    }
+    const PosedBody posed = body.At(middle, half);
+    for (int j = 0; j < 500; ++j) {
+      const Vector3d point =
+          Vector3d(0.6, 0, 1) + 0.6 * Vector3d(share(random), share(random), share(random));
+      const double most = AtMost(posed, point);
+      std::vector<double> q = middle;
+      for (size_t joint = 0; joint < 3; ++joint) q[joint] += half[joint] * share(random);
+      ASSERT_GE(most, DistanceOfThree(robot, q, point) - 1e-9) << point.transpose();
+      inside += most < 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(inside, SampleCount(20));
+}
+
 TEST_F(RobotBodyTest, BetweenJointValuesHoldsTheBodyAtEachOfThem) {
   const RobotModel robot = Three();
   const RobotBody body(robot, {.payload_radius = 0.15, .range = kRange, .step = kStep});

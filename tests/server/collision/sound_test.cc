@@ -74,6 +74,16 @@ TEST(SoundTest, NeverMissesWhereAViewDoesNotSeeAll) {
   NeverMisses(SphereWorld(CamerasThatDoNotSeeAll(), kSoundRho, kVoxel), 12);
 }
 
+// Behind a pillar before the camera robot images lack the robot.
+TEST(SoundTest, NeverMissesBehindIgnoredPixels) {
+  std::vector<BallCamera> cameras = ThreeCameras();
+  std::vector<Mask> pillars;
+  for (const BallCamera& camera : cameras) pillars.emplace_back(camera.size());
+  pillars[0] = Mask::FromPredicate(cameras[0].size(), [](int x, int) { return x >= 18 && x < 24; });
+  pillars[2] = Mask::FromPredicate(cameras[2].size(), [](int, int y) { return y < 16; });
+  NeverMisses(SphereWorld(std::move(cameras), kSoundRho, kVoxel, 0, std::move(pillars)), 12);
+}
+
 // The scene is of one variant, the check of another: of an arm that carries something,
 // or does not. What it carries is not in the model.
 TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {

@@ -159,12 +159,14 @@ struct SphereWorld {
   static constexpr int kSteps = 20;
 
   // `carried`: radius of what the arm holds beside its outer link, and its model knows nothing of;
-  // 0: it holds nothing.
+  // 0: it holds nothing. `the_pillars`: per view the pixels of something before the camera, which
+  // are ignored; none: there is nothing.
   explicit SphereWorld(std::vector<BallCamera> the_cameras, double rho, double voxel,
-                       double carried = 0)
+                       double carried = 0, std::vector<Mask> the_pillars = {})
       : cameras(std::move(the_cameras)),
+        pillars(std::move(the_pillars)),
         load(carried),
-        table(Capture(cameras, carried)),
+        table(Capture(cameras, pillars, carried)),
         space(kArmBox, rho, Views(), voxel) {}
 
   static ConfigurationGrid Grid() {
@@ -190,13 +192,16 @@ struct SphereWorld {
     }
     return numbers;
   }
-  static RobotImageTable Capture(const std::vector<BallCamera>& cameras, double carried) {
+  static RobotImageTable Capture(const std::vector<BallCamera>& cameras,
+                                 const std::vector<Mask>& pillars, double carried) {
     std::vector<MaskSize> sizes;
     for (const BallCamera& camera : cameras) sizes.push_back(camera.size());
     RobotImageTable::Builder builder(Grid(), sizes);
     for (ConfigurationNumber number : Configurations()) {
       std::vector<Mask> masks;
       for (const BallCamera& camera : cameras) masks.push_back(camera.See(Robot(number, carried)));
+      for (size_t view = 0; view < pillars.size(); ++view)
+        masks[view] = masks[view] - pillars[view];
       builder.Add(number, masks);
     }
     return std::move(builder).Build();
@@ -213,6 +218,7 @@ struct SphereWorld {
       }
       views.push_back(
           {cameras[view].size(), cameras[view].project(), Vector2d::Zero(), swept, permanent});
+      if (!pillars.empty()) views.back().ignored = pillars[view];
     }
     return views;
   }
@@ -222,6 +228,7 @@ struct SphereWorld {
     for (size_t view = 0; view < cameras.size(); ++view) {
       const Mask robot = (*table.Images(present))[view];
       images.push_back(ObstacleImage::FromScene(cameras[view].See(obstacles) | robot, robot));
+      if (!pillars.empty()) images.back() = images.back()->Ignoring(pillars[view]);
     }
     return images;
   }
@@ -230,6 +237,7 @@ struct SphereWorld {
   }
 
   std::vector<BallCamera> cameras;
+  std::vector<Mask> pillars;
   double load;
   RobotImageTable table;
   VoxelSpace space;

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "server/collision/voxel_grid.h"
+#include "server/collision/voxel_look.h"
 #include "tests/random.h"
 #include "tests/server/collision/sphere_world.h"
 
@@ -114,6 +115,22 @@ TEST(VoxelSpace, AMarginMakesMorePixelsTouchedAndFewerCertain) {
   EXPECT_GT(touched_with_margin.width * touched_with_margin.height, touched.width * touched.height);
   EXPECT_LT(certain_with_margin, certain);
   EXPECT_GT(certain, 0u);
+}
+
+TEST(VoxelLooker, RefusesMoreKindsOrShapesThanItsIndicesCanNumber) {
+  const VoxelGrid grid(kBox, 0.05);
+  const std::vector<VoxelView> views = ViewsOf({BallCamera(Vector3d(0, 0, -1), 1024)});
+  const auto append_to = [&](size_t kinds, size_t shapes) {
+    VoxelSpace::Look look;
+    look.mask_size = views[0].mask_size;
+    VoxelLooker looker(views[0], grid, 0.06, look);
+    look.kinds.resize(kinds);
+    look.shapes.resize(shapes);
+    looker.Append({0, 0, 0});
+  };
+  EXPECT_NO_THROW(append_to(0, 1));
+  EXPECT_THROW(append_to(4095, 1), std::invalid_argument);
+  EXPECT_THROW(append_to(0, 4096), std::invalid_argument);
 }
 
 TEST(VoxelSpace, OnlyWhatTheRobotSweepsIsReached) {

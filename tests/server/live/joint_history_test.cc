@@ -22,7 +22,7 @@ struct JointHistoryTest : ::testing::Test {
   void Told(int at, double a, double b = 0) {
     ASSERT_TRUE(history.Add(Ms(at), Ms(at + 1), std::vector<double>{a, b}).ok());
   }
-  absl::StatusOr<std::vector<double>> Between(int first, int last) {
+  absl::StatusOr<std::vector<JointHistory::Range>> Between(int first, int last) {
     return history.Between(Ms(first), Ms(last), absl::ZeroDuration());
   }
   absl::StatusCode CodeOf(int first, int last) { return Between(first, last).status().code(); }
@@ -35,7 +35,8 @@ TEST_F(JointHistoryTest, JointsAreThoseAroundTheImages) {
   Told(40, 5);
   const auto joints = Between(15, 29);
   ASSERT_TRUE(joints.ok()) << joints.status();
-  EXPECT_NEAR((*joints)[0], 1.004, 1e-12);
+  EXPECT_NEAR((*joints)[0].middle, 1.004, 1e-12);
+  EXPECT_NEAR((*joints)[0].half, 0.004, 1e-12);
 }
 
 TEST_F(JointHistoryTest, RobotThatMovedMoreThanItMayIsNowhere) {
@@ -58,7 +59,7 @@ TEST_F(JointHistoryTest, FullTurnsOfAContinuousJointAreNoMovement) {
   Told(20, 1, -std::numbers::pi + 0.001);
   const auto joints = Between(15, 16);
   ASSERT_TRUE(joints.ok()) << joints.status();
-  EXPECT_NEAR(std::remainder((*joints)[1] - std::numbers::pi, 2 * std::numbers::pi), 0, 1e-12);
+  EXPECT_NEAR(std::remainder((*joints)[1].middle - std::numbers::pi, 2 * std::numbers::pi), 0, 1e-12);
 }
 
 TEST_F(JointHistoryTest, AnswerThatWasUnderWayCountsNeitherBeforeNorAfter) {
