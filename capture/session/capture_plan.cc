@@ -104,7 +104,7 @@ absl::StatusOr<CapturePlan> PlanCapture(const storage::v1::CellDescription& cell
                (record == StoredRecord::kNone || record == StoredRecord::kExcluded ||
                 listed[number])) {
       plan.captures.push_back(number);
-    } else {
+    } else if (record != StoredRecord::kNone) {
       ++plan.kept;
       if (record == StoredRecord::kCaptured || record == StoredRecord::kDamaged) ++plan.kept_images;
     }

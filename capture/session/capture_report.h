@@ -42,8 +42,10 @@ struct CaptureReport {
   // What no longer matched when the sentinels were visited last, or that none could be visited;
   // empty: all matched.
   std::string alarm;
+  bool none_visited = false;  // the latter
   uint64_t sentinel_checks = 0;
-  // Robot images in the database that were captured while the cell may have been changed.
+  // Robot images in the database that were captured while the cell may have been changed, or that
+  // a session that captured everything again did not come to.
   uint64_t suspect = 0;
   // How long lost devices were waited for, and how often.
   uint64_t losses = 0;

@@ -87,8 +87,9 @@ class CaptureRun {
  private:
   absl::Status Exclude();
   absl::Status CountSuspects();
-  // What was captured since the sentinels matched last.
-  absl::Status Suspect(const std::string& why);
+  // With nothing to capture: visits the sentinels if an earlier session stored robot images since
+  // they matched last.
+  absl::Status CheckEarlierCaptures();
   // The sentinels that are not known yet, then what is planned, with visits to the sentinels
   // before, between and after.
   absl::Status CaptureAll();
@@ -110,6 +111,7 @@ class CaptureRun {
   absl::Status CaptureOne(ConfigurationNumber number);
   absl::Status CountMiss(const Visit& visit);
   absl::Status Store(ConfigurationNumber number, const Visit& visit);
+  absl::Status Put(const RobotImage& image, const std::vector<std::string>& raw_images);
   // Stores what the first look has let wait, unless it finds it wrong. Once.
   absl::Status EndFirstLook();
   // Tells the robot to stop; returns `why`.
@@ -130,9 +132,10 @@ class CaptureRun {
   std::vector<Waiting> waiting_;
   CaptureReport report_;
   uint64_t done_ = 0;
+  const absl::Time begun_ = absl::Now();
+  bool put_ = false;           // a robot image was written
   bool first_sights_ = false;  // the sentinels are being captured
   bool unchecked_ = false;     // something was captured since the sentinels were visited
-  bool going_on_ = false;      // although they did not match
   bool suspected_ = false;     // something was marked as suspect in this session
   bool robot_lost_ = false;    // and must not move by itself
   int failures_in_a_row_ = 0;
@@ -175,11 +178,14 @@ CaptureReport CaptureRun::Go() {
 }
 
 absl::Status CaptureRun::CountSuspects() {
-  if (going_on_) RETURN_IF_ERROR(Suspect("captured although it did not match"));
+  if (sentinels_ && sentinels_->going_on()) RETURN_IF_ERROR(sentinels_->EndGoingOn());
   std::vector<ConfigurationNumber> suspects;
+  bool spans = false;
   {
     ASSIGN_OR_RETURN(const auto snapshot, parts_.database->Read());
     ASSIGN_OR_RETURN(suspects, SuspectNumbers(snapshot));
+    ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+    spans = !history.suspects().empty();
   }
   // What was recaptured is not suspect, also where the clock has not passed the suspect span yet.
   const std::set<ConfigurationNumber> planned(plan_.captures.begin(), plan_.captures.end());
@@ -187,18 +193,13 @@ absl::Status CaptureRun::CountSuspects() {
                           std::ranges::all_of(suspects, [&](ConfigurationNumber number) {
                             return planned.contains(number);
                           });
-  if (!suspects.empty() && recaptured) {
+  if (spans && recaptured) {
     RETURN_IF_ERROR(ChangeHistory(
         *parts_.database, [](storage::v1::CaptureHistory& history) { history.clear_suspects(); }));
     suspects.clear();
   }
   report_.suspect = suspects.size();
   return absl::OkStatus();
-}
-
-absl::Status CaptureRun::Suspect(const std::string& why) {
-  suspected_ = true;
-  return sentinels_->Suspect(absl::Now(), why);
 }
 
 absl::Status CaptureRun::Exclude() {
@@ -216,7 +217,7 @@ absl::Status CaptureRun::Exclude() {
 absl::Status CaptureRun::CaptureAll() {
   ASSIGN_OR_RETURN(Sentinels sentinels, Sentinels::Open(parts_, plan_));
   sentinels_ = std::move(sentinels);
-  if (plan_.captures.empty() && !plan_.check_sentinels) return absl::OkStatus();
+  if (plan_.captures.empty() && !plan_.check_sentinels) return CheckEarlierCaptures();
   if (plan_.check_sentinels && !sentinels_->Known()) {
     return absl::FailedPreconditionError(
         parts_.settings.sentinels.count == 0
@@ -247,6 +248,16 @@ absl::Status CaptureRun::CaptureAll() {
   if (!go_on.ok() || !*go_on) return go_on.status();
   RETURN_IF_ERROR(EndFirstLook());
   return unchecked_ && sentinels_->Known() ? CheckSentinels().status() : absl::OkStatus();
+}
+
+absl::Status CaptureRun::CheckEarlierCaptures() {
+  if (!sentinels_->Known()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const bool unchecked, sentinels_->Unchecked());
+  if (!unchecked) return absl::OkStatus();
+  observer_.say(
+      "robot images were captured since the control configurations matched last; the robot visits "
+      "them now");
+  return CheckSentinels().status();
 }
 
 absl::StatusOr<bool> CaptureRun::CaptureInTurn(const std::vector<ConfigurationNumber>& numbers) {
@@ -284,28 +295,27 @@ absl::StatusOr<bool> CaptureRun::CheckSentinels() {
     ++report_.sentinel_checks;
     unchecked_ = false;
     report_.alarm = *alarm;
+    report_.none_visited = sentinels_->none_visited();
     if (alarm->empty()) {
       const std::string line = absl::StrCat("sentinels visited: ", sentinels_->summary());
       plan_.check_sentinels ? observer_.say(line) : observer_.note(line);
       if (again) observer_.say("the cell is as it was");
       return true;
     }
-    if (going_on_) {
+    suspected_ = true;
+    if (sentinels_->going_on()) {
       observer_.note(absl::StrCat("sentinels visited, still: ", *alarm));
       return true;
     }
     static_cast<void>(StopRobot(absl::OkStatus()));
     observer_.say(*alarm);
-    if (!again) {
-      RETURN_IF_ERROR(Suspect(*alarm));
-    }
     switch (observer_.alarm(*alarm)) {
       case AfterAlarm::kEnd:
         return false;
       case AfterAlarm::kCheckAgain:
         break;
       case AfterAlarm::kGoOn:
-        going_on_ = true;
+        RETURN_IF_ERROR(sentinels_->GoOn());
         return true;
     }
   }
@@ -415,7 +425,7 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
        std::ranges::find(sentinels_->numbers(), number) != sentinels_->numbers().end());
   std::vector<std::string> raw_images;
   if (keep) raw_images = RawImagesOf(visit);
-  if (!first_look_) return writer_.Put(image, /*replace=*/true, raw_images);
+  if (!first_look_) return Put(image, raw_images);
   if (!first_look_->complete()) {
     std::string fault = first_look_->Add(number, image.masks);
     if (fault.empty() && parts_.expected) {
@@ -433,9 +443,17 @@ absl::Status CaptureRun::EndFirstLook() {
   if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
   first_look_.reset();
   for (Waiting& waiting : std::exchange(waiting_, {})) {
-    RETURN_IF_ERROR(writer_.Put(waiting.image, /*replace=*/true, waiting.raw_images));
+    RETURN_IF_ERROR(Put(waiting.image, waiting.raw_images));
   }
   return absl::OkStatus();
+}
+
+absl::Status CaptureRun::Put(const RobotImage& image, const std::vector<std::string>& raw_images) {
+  const bool replaces_all = plan_.new_sentinels && plan_.kept_images == 0;
+  if (!std::exchange(put_, true) && replaces_all) {
+    RETURN_IF_ERROR(sentinels_->ReplaceAll(begun_));
+  }
+  return writer_.Put(image, /*replace=*/true, raw_images);
 }
 
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {

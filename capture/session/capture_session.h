@@ -40,11 +40,13 @@ class CaptureSession {
   // says how much, and a new plan resumes there. `program` goes into the provenance log.
   //
   // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
-  // measure again, difference, store. A configuration where a joint is off by more than the
+  // measure again, difference, store. If all robot images that there are are to be replaced, they
+  // are suspect until they are. A configuration where a joint is off by more than the
   // tolerance is not stored; it counts as failed. A device's error ends the session and stops the
   // robot. An operator who stops the robot (Cancelled) stops the session. FailedPrecondition: the
   // first images are not those of the robot (FirstLook); none of them is stored. Or only the
-  // sentinels are to be visited, and none is known.
+  // sentinels are to be visited, and none is known. With nothing to capture they are visited if
+  // robot images were stored since they matched last.
   CaptureReport Run(const CapturePlan& plan, const std::string& program,
                     const CaptureObserver& observer = {});
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -68,6 +69,8 @@ struct CaptureSettings {
   absl::Duration commit_interval = absl::Seconds(1);
   std::vector<ForbiddenRegion> forbidden_regions;
   RawImages raw_images = RawImages::kSentinels;
+  // Views whose images have noise: the same image twice, byte for byte, is a fault of the camera.
+  std::set<std::string> noisy_views;
   SentinelSettings sentinels;
   FirstLookSettings first_look;
   // How long a lost camera or robot is waited for.

@@ -2,6 +2,7 @@
 #include "capture/session/image_change.h"
 
 #include <algorithm>
+#include <cstring>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -63,6 +64,15 @@ cv::Mat ChangedAreas(const cv::Mat& before, const cv::Mat& after, const Referenc
     large.setTo(255, labels == area);
   }
   return large;
+}
+
+bool SameImage(const cv::Mat& before, const cv::Mat& after) {
+  if (before.size() != after.size() || before.type() != after.type()) return false;
+  const size_t bytes = before.elemSize() * static_cast<size_t>(before.cols);
+  for (int y = 0; y < before.rows; ++y) {
+    if (std::memcmp(before.ptr(y), after.ptr(y), bytes) != 0) return false;
+  }
+  return true;
 }
 
 bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference* reference,

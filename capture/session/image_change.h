@@ -17,6 +17,9 @@ namespace silhouette {
 cv::Mat ChangedAreas(const cv::Mat& before, const cv::Mat& after, const Reference* reference,
                      const SegmentationSettings& settings, int least_pixels);
 
+// Whether two images are the same, byte for byte.
+bool SameImage(const cv::Mat& before, const cv::Mat& after);
+
 // Whether there are any of min_blob_pixels pixels: the robot did not stand still, say.
 bool ImagesDiffer(const cv::Mat& before, const cv::Mat& after, const Reference* reference,
                   const SegmentationSettings& settings);

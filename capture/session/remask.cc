@@ -77,6 +77,12 @@ class VariantRemask {
     });
   }
 
+  absl::Status CopyHistory(Database& into) const {
+    ASSIGN_OR_RETURN(const auto snapshot, database_.Read());
+    ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+    return into.SetCaptureHistory(history);
+  }
+
   // `tell`: with how many more records are done; false stops.
   absl::Status Write(Database& into, const std::string& program,
                      const std::function<bool(uint64_t)>& tell) {
@@ -204,6 +210,7 @@ absl::StatusOr<std::vector<RemaskedVariant>> Remask(const Database& database,
     auto place = into.OpenVariant(work->result().name);
     if (absl::IsNotFound(place.status())) place = into.CreateVariant(work->result().name, program);
     if (!place.ok()) return place.status();
+    RETURN_IF_ERROR(work->CopyHistory(**place));
     RETURN_IF_ERROR(work->Write(**place, program, tell));
     results.push_back(work->result());
   }

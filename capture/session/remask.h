@@ -42,11 +42,11 @@ struct RemaskedVariant {
 
 // Makes the masks of all variants and writes them into `into`, a new database of the same grid and
 // views, with masks of whatever sizes it has; variants that it lacks are made. `program`: for its
-// provenance log. What is excluded is excluded there. Memory: some hundred robot images at a time.
-// FailedPrecondition, with their number, if robot images have no raw images and are not to be left
-// out; DataLoss if one cannot be read; Cancelled if `progress` said so; InvalidArgument if a
-// setting is not valid; errors of writing. Nothing else may write into `database`
-// meanwhile.
+// provenance log. What is excluded is excluded there, what is suspect is suspect. Memory: some
+// hundred robot images at a time. FailedPrecondition, with their number, if robot images have no
+// raw images and are not to be left out; DataLoss if one cannot be read; Cancelled if `progress`
+// said so; InvalidArgument if a setting is not valid; errors of writing. Nothing else may write
+// into `database` meanwhile.
 absl::StatusOr<std::vector<RemaskedVariant>> Remask(const Database& database,
                                                     const RemaskOptions& options,
                                                     const std::string& program, Database& into);

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
 #include "capture/segmentation/difference.h"
 #include "capture/session/history.h"
@@ -22,6 +24,9 @@ namespace {
 // Of very many checks the oldest are forgotten.
 constexpr int kMostChecks = 2000;
 constexpr double kNotToBeTold = std::numeric_limits<double>::quiet_NaN();
+constexpr char kNonetheless[] = "captured although it did not match";
+// Says, too, which known sentinels are not to be compared with.
+constexpr char kToBeReplaced[] = "to be captured again by a run of all configurations";
 
 // How far apart two configurations are, every joint's range taken as one.
 double Apart(const ConfigurationGrid& grid, const Configuration& a, const Configuration& b) {
@@ -32,6 +37,57 @@ double Apart(const ConfigurationGrid& grid, const Configuration& a, const Config
     square += (a[j] - b[j]) * (a[j] - b[j]) / (range * range);
   }
   return std::sqrt(square);
+}
+
+storage::v1::SuspectSpan SpanOf(absl::Time after, absl::Time until, const std::string& why) {
+  storage::v1::SuspectSpan span;
+  SetTime(after, *span.mutable_after());
+  SetTime(until, *span.mutable_until());
+  span.set_why(why);
+  return span;
+}
+
+// `span` holds all that was captured after its begin: it replaces the last ones that begin
+// no earlier.
+void AddSpan(const storage::v1::SuspectSpan& span, storage::v1::CaptureHistory& history) {
+  auto& spans = *history.mutable_suspects();
+  while (!spans.empty() && TimeOf(spans[spans.size() - 1].after()) >= TimeOf(span.after())) {
+    spans.RemoveLast();
+  }
+  *spans.Add() = span;
+}
+
+// The latest time of robot images that are to be replaced.
+absl::Time ToBeReplacedUntil(const storage::v1::CaptureHistory& history) {
+  absl::Time until = absl::InfinitePast();
+  for (const storage::v1::SuspectSpan& span : history.suspects()) {
+    if (span.why() == kToBeReplaced) until = std::max(until, TimeOf(span.until()));
+  }
+  return until;
+}
+
+absl::StatusOr<absl::Time> LatestCaptureIn(const Database& database) {
+  ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  return LatestCapture(snapshot);
+}
+
+// Ends spans that reach into the future now, or with the latest robot image if that is later.
+absl::Status EndOpenSpans(Database& database) {
+  const absl::Time now = absl::Now();
+  {
+    ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+    ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+    const bool open = std::ranges::any_of(
+        history.suspects(), [&](const auto& span) { return TimeOf(span.until()) > now; });
+    if (!open) return absl::OkStatus();
+  }
+  ASSIGN_OR_RETURN(const absl::Time latest, LatestCaptureIn(database));
+  const absl::Time end = std::max(now, latest);
+  return ChangeHistory(database, [&](storage::v1::CaptureHistory& history) {
+    for (storage::v1::SuspectSpan& span : *history.mutable_suspects()) {
+      if (TimeOf(span.until()) > end) SetTime(end, *span.mutable_until());
+    }
+  });
 }
 
 }  // namespace
@@ -61,6 +117,7 @@ std::vector<ConfigurationNumber> WellSpread(const ConfigurationGrid& grid,
 
 absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan& plan) {
   Sentinels sentinels(parts);
+  RETURN_IF_ERROR(EndOpenSpans(*parts.database));
   const int count = parts.settings.sentinels.count;
   if (count == 0) return sentinels;
   ASSIGN_OR_RETURN(const auto snapshot, parts.database->Read());
@@ -76,9 +133,8 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
   const std::set<ConfigurationNumber> planned(plan.captures.begin(), plan.captures.end());
   const bool all_planned = std::ranges::all_of(
       sentinels.numbers_, [&](ConfigurationNumber number) { return planned.contains(number); });
-  const bool check_planned = all_planned && !plan.new_sentinels;
   RETURN_IF_ERROR(
-      sentinels.ReadFirsts(snapshot, check_planned ? std::set<ConfigurationNumber>() : planned));
+      sentinels.ReadFirsts(snapshot, history, planned, all_planned && !plan.new_sentinels));
   for (const ConfigurationNumber number : sentinels.numbers_) {
     if (!sentinels.firsts_.contains(number) && planned.contains(number)) {
       sentinels.to_capture_.push_back(number);
@@ -93,11 +149,15 @@ absl::StatusOr<Sentinels> Sentinels::Open(SessionParts& parts, const CapturePlan
 }
 
 absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
-                                   const std::set<ConfigurationNumber>& except) {
+                                   const storage::v1::CaptureHistory& history,
+                                   const std::set<ConfigurationNumber>& planned,
+                                   bool compare_planned) {
+  const absl::Time to_be_replaced = ToBeReplacedUntil(history);
   for (const ConfigurationNumber number : numbers_) {
-    if (except.contains(number)) continue;
+    if (planned.contains(number) && !compare_planned) continue;
     const auto image = snapshot.Find(number);
     if (!image.ok() || !image->has_value() || (*image)->excluded) continue;
+    if (planned.contains(number) && (*image)->captured <= to_be_replaced) continue;
     First first;
     first.measured = (*image)->measured;
     first.captured = (*image)->captured;
@@ -218,6 +278,7 @@ std::string Sentinels::Summarise(const storage::v1::SentinelCheck& check) const 
 }
 
 absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
+  none_visited_ = false;
   storage::v1::SentinelCheck check;
   std::vector<Complaints> complaints(parts_->references.size());
   int visited = 0;
@@ -242,25 +303,34 @@ absl::StatusOr<std::string> Sentinels::Check(const Go& go) {
     summary_ = "the known control configurations are in another part of the grid";
     return std::string();
   }
-  SetTime(visited == 0 ? absl::Now() : begin, *check.mutable_time());
+  none_visited_ = visited == 0;
+  SetTime(none_visited_ ? absl::Now() : begin, *check.mutable_time());
   const std::string alarm =
-      visited == 0 ? absl::StrCat(
-                         "no control configuration could be visited, so nothing shows whether the "
-                         "cell changed (",
-                         why_not,
-                         "); correct that, or state a greater 'sentinels: {count}' in the cell "
-                         "file, which adds others")
-                   : Alarm(complaints, visited);
+      none_visited_ ? absl::StrCat(
+                          "no control configuration could be visited, so nothing shows whether the "
+                          "cell changed (",
+                          why_not,
+                          "); correct that, or state a greater 'sentinels: {count}' in the cell "
+                          "file, which adds others")
+                    : Alarm(complaints, visited);
   check.set_alarm(alarm);
   summary_ = Summarise(check);
-  if (alarm.empty()) NoteGood(begin);
-  absl::Status status = ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+  if (alarm.empty() && !going_on_) NoteGood(begin);
+  RETURN_IF_ERROR(Keep(std::move(check)));
+  return alarm;
+}
+
+absl::Status Sentinels::Keep(storage::v1::SentinelCheck check) {
+  std::optional<storage::v1::SuspectSpan> suspect;
+  if (!check.alarm().empty() || going_on_) {
+    ASSIGN_OR_RETURN(suspect, SpanSinceGood(going_on_ ? kNonetheless : check.alarm()));
+  }
+  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
     history.mutable_checks()->Add(std::move(check));
     const int surplus = history.checks_size() - kMostChecks;
     if (surplus > 0) history.mutable_checks()->DeleteSubrange(0, surplus);
+    if (suspect) AddSpan(*suspect, history);
   });
-  if (!status.ok()) return status;
-  return alarm;
 }
 
 absl::Status Sentinels::Remember() {
@@ -269,20 +339,45 @@ absl::Status Sentinels::Remember() {
   });
 }
 
-absl::Status Sentinels::Suspect(absl::Time until, const std::string& why) {
-  {
-    ASSIGN_OR_RETURN(const auto snapshot, parts_->database->Read());
-    ASSIGN_OR_RETURN(const absl::Time latest, LatestCapture(snapshot));
-    until = std::max(until, latest);
-  }
+absl::Status Sentinels::ReplaceAll(absl::Time begun) {
+  ASSIGN_OR_RETURN(const absl::Time latest, LatestCaptureIn(*parts_->database));
+  if (latest == absl::InfinitePast()) return absl::OkStatus();
+  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+    AddSpan(SpanOf(absl::InfinitePast(), std::max(begun, latest), kToBeReplaced), history);
+    if (numbers_.empty()) return;
+    history.mutable_sentinels()->Assign(numbers_.begin(), numbers_.end());
+  });
+}
+
+absl::StatusOr<bool> Sentinels::Unchecked() const {
+  ASSIGN_OR_RETURN(const auto snapshot, parts_->database->Read());
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+  ASSIGN_OR_RETURN(const absl::Time latest, LatestCapture(snapshot));
+  return LastGoodCheck(history) < latest;
+}
+
+absl::StatusOr<storage::v1::SuspectSpan> Sentinels::SpanSinceGood(const std::string& why) const {
+  ASSIGN_OR_RETURN(const absl::Time latest, LatestCaptureIn(*parts_->database));
+  const absl::Time until = std::max(absl::Now(), latest);
   absl::Time after = std::min(last_good_, earliest_since_ - absl::Nanoseconds(1));
   if (after >= until) after = absl::InfinitePast();
-  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
-    storage::v1::SuspectSpan& span = *history.add_suspects();
-    SetTime(after, *span.mutable_after());
-    SetTime(until, *span.mutable_until());
-    span.set_why(why);
-  });
+  return SpanOf(after, going_on_ ? absl::InfiniteFuture() : until, why);
+}
+
+absl::Status Sentinels::Suspect(const std::string& why) {
+  ASSIGN_OR_RETURN(const auto span, SpanSinceGood(why));
+  return ChangeHistory(*parts_->database,
+                       [&](storage::v1::CaptureHistory& history) { AddSpan(span, history); });
+}
+
+absl::Status Sentinels::GoOn() {
+  going_on_ = true;
+  return Suspect(kNonetheless);
+}
+
+absl::Status Sentinels::EndGoingOn() {
+  going_on_ = false;
+  return Suspect(kNonetheless);
 }
 
 }  // namespace silhouette

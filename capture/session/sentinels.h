@@ -33,7 +33,8 @@ class Sentinels {
 
   // Those that the database knows, up to as many as the settings say; more, or with
   // plan.new_sentinels others, out of what `plan` captures. If `plan` recaptures all that are known
-  // and new ones are not asked for, they are compared as they were before. `parts` must outlive it.
+  // and new ones are not asked for, they are compared as they were before. A suspect span that a
+  // killed session left without an end ends now. `parts` must outlive it.
   static absl::StatusOr<Sentinels> Open(SessionParts& parts, const CapturePlan& plan);
 
   // In the order of visits.
@@ -51,6 +52,10 @@ class Sentinels {
   // Keeps in the database which they are, once their robot images are there.
   absl::Status Remember();
 
+  // A session that began at `begun` is about to write the first of the robot images that replace
+  // all there are: these are suspect until then, and the sentinels are numbers().
+  absl::Status ReplaceAll(absl::Time begun);
+
   // Whether there is something to compare with, and whether it is time.
   bool Known() const { return !firsts_.empty(); }
   bool Due(absl::Duration now) const;  // running clock
@@ -60,12 +65,23 @@ class Sentinels {
   // and of the database. If the robot gets to some, those it cannot get to are left out. Empty,
   // too, if it has a way to none of them, but others are ToCapture(): those of another part of the
   // grid.
+  //
+  // Unless all match, what was captured since the last check that found nothing is suspect: the
+  // database keeps that together with the check. Where the clock leaves open what that is, more is
+  // suspect rather than less: all, if the last check lies in the future, and images with a time
+  // in the future.
   absl::StatusOr<std::string> Check(const Go& go);
+  // Whether it could visit none the last time.
+  bool none_visited() const { return none_visited_; }
 
-  // Marks what was captured since the last check that found nothing, up to `until`, as suspect.
-  // Where the clock leaves open what that is, it marks more rather than less: all, if the check
-  // lies after `until`, and images with a time after `until`.
-  absl::Status Suspect(absl::Time until, const std::string& why);
+  // Whether robot images are stored that were captured after the last check that found nothing.
+  absl::StatusOr<bool> Unchecked() const;
+
+  // Somebody goes on although they do not match: what is captured until EndGoingOn() is suspect,
+  // whatever later checks find, and also if the session is killed before.
+  absl::Status GoOn();
+  bool going_on() const { return going_on_; }
+  absl::Status EndGoingOn();
 
   // What the last check saw, in a sentence.
   const std::string& summary() const { return summary_; }
@@ -81,7 +97,15 @@ class Sentinels {
   explicit Sentinels(SessionParts& parts) : parts_(&parts) {}
   // What was captured up to `begin` matches.
   void NoteGood(absl::Time begin);
-  absl::Status ReadFirsts(const Snapshot& snapshot, const std::set<ConfigurationNumber>& except);
+  // What was captured since the last check that found nothing; without an end while going on.
+  absl::StatusOr<storage::v1::SuspectSpan> SpanSinceGood(const std::string& why) const;
+  absl::Status Suspect(const std::string& why);
+  // Keeps it in the database.
+  absl::Status Keep(storage::v1::SentinelCheck check);
+  // Of those that are `planned` only with `compare_planned`, and unless `history` says that they
+  // are to be replaced.
+  absl::Status ReadFirsts(const Snapshot& snapshot, const storage::v1::CaptureHistory& history,
+                          const std::set<ConfigurationNumber>& planned, bool compare_planned);
   std::vector<SentinelImage> Look(const Visit& visit) const;
   // The image with its mask as it is if shadows are foreground: whether a place is a shadow is a
   // close decision, and may be another in the next image.
@@ -104,6 +128,8 @@ class Sentinels {
   // No sentinel was known: what they look like when they are captured is the baseline.
   bool first_baseline_ = false;
   absl::Time last_good_ = absl::InfinitePast();
+  bool none_visited_ = false;
+  bool going_on_ = false;
   // The least capture time since, in this session.
   absl::Time earliest_since_ = absl::InfiniteFuture();
   // Something was captured at an earlier time than the last good check: a check is due at once, so

@@ -98,6 +98,7 @@ absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::strin
   }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
+  RETURN_IF_ERROR(CheckLife(visit.images));
   ASSIGN_OR_RETURN(const std::vector<double> after, Measure());
   const double moved = parts_.robot.Deviation(visit.measured, after);
   if (moved > tolerance) {
@@ -116,6 +117,19 @@ absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::strin
   visit.earlier = std::exchange(alike_, {});
   visit.outcome = Visit::Outcome::kTaken;
   return visit;
+}
+
+absl::Status Visitor::CheckLife(const ImageSet& images) {
+  const std::vector<cv::Mat> before = std::exchange(last_, images.images);
+  for (size_t v = 0; v < before.size(); ++v) {
+    const std::string& name = parts_.database->cell().views(static_cast<int>(v)).name();
+    if (!parts_.settings.noisy_views.contains(name) || !SameImage(before[v], last_[v])) continue;
+    return absl::UnavailableError(absl::StrCat(
+        "the camera of the view '", name, "' is frozen: it repeats an image byte for byte; ",
+        "restart the camera; if its source has no noise (a recording, a simulator, strong "
+        "compression), state 'noise: none' at its view in the cell file"));
+  }
+  return absl::OkStatus();
 }
 
 std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {

@@ -69,7 +69,7 @@ class Visitor {
 
   // An error is a device's, or says that the robot stands where it must not, or moved when it
   // should stand; the robot may be anywhere then, and the next visit begins with asking it.
-  // Unavailable: a device is lost, and may come back.
+  // Unavailable: a device is lost, and may come back; so is a camera that repeats an image.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
   // The same straight to a place that need not be in the grid, whatever is in the way.
@@ -87,6 +87,8 @@ class Visitor {
   // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
   // sets are needed.
   absl::StatusOr<Visit> Look(const Configuration& place, const std::string& name);
+  // Unavailable: an image of a view that has noise is the one before.
+  absl::Status CheckLife(const ImageSet& images);
   // A view whose image is not that of the set before. Adds the set to those that are alike.
   std::optional<std::string> ChangedView(const ImageSet& images);
   // The joints are not where they were commanded.
@@ -98,6 +100,8 @@ class Visitor {
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
   bool robot_lost_ = false;
+  // The last set of images, of whatever configuration.
+  std::vector<cv::Mat> last_;
   // The last sets of images that were alike, oldest first.
   std::vector<std::vector<cv::Mat>> alike_;
 };

@@ -56,6 +56,9 @@ absl::StatusOr<CellFile> OpenCellFile(const CellArguments& arguments) {
                      arguments.cell, "'"));
   }
   const std::string database = cell.database;
+  for (const ViewSettings& view : cell.views) {
+    if (view.has_noise) cell.capture.noisy_views.insert(view.name);
+  }
   return CellFile{std::move(cell), database, arguments.variant};
 }
 

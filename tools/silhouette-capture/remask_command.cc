@@ -71,10 +71,14 @@ absl::Status RemaskBuildIndex(const RemaskArguments& options, Database& database
   return BuildCollisionIndex(database).status();
 }
 
-absl::Status CopyReferences(const Database& source, Database& into) {
-  ASSIGN_OR_RETURN(const auto references, source.Read()->References());
-  if (!references.has_value()) return absl::OkStatus();
-  return into.SetReferences(*references, kRemaskProgram);
+// Reference images and calibration.
+absl::Status CopyCell(const Database& source, Database& into) {
+  ASSIGN_OR_RETURN(const auto snapshot, source.Read());
+  ASSIGN_OR_RETURN(const auto references, snapshot.References());
+  if (references) RETURN_IF_ERROR(into.SetReferences(*references, kRemaskProgram));
+  ASSIGN_OR_RETURN(const auto calibration, snapshot.Calibration());
+  if (calibration) RETURN_IF_ERROR(into.SetCalibration(*calibration, kRemaskProgram));
+  return absl::OkStatus();
 }
 
 // Into a new database, which is there once it is whole.
@@ -88,7 +92,7 @@ absl::StatusOr<std::vector<RemaskedVariant>> RemaskInto(const RemaskArguments& o
     database.reset();
     RemoveDatabase(part);
   };
-  RETURN_IF_ERROR(CopyReferences(*source, *database));
+  RETURN_IF_ERROR(CopyCell(*source, *database));
   auto made = MakeMasks(options, file, *source, *database);
   if (!made.ok()) return made;
   RETURN_IF_ERROR(RemaskBuildIndex(options, *database));
@@ -227,8 +231,9 @@ void AddRemask(CLI::App& app, Work& work) {
   AddCellOptions(*command, options->cell);
   command->add_option(
       "--into", options->into,
-      "Write the new masks into a new database in this folder, without raw images; the\n"
-      "other stays as it is. The masks may have another size");
+      "Write the new masks into a new database in this folder, without raw images, but with\n"
+      "reference images, calibration and what is suspect; the other stays as it is. The masks\n"
+      "may have another size");
   command->add_flag("--leave-out", options->leave_out,
                     "With --into: leave out robot images that have no raw images");
   command->add_flag("--no-index", options->no_index,

@@ -127,19 +127,33 @@ ExitCode TellIndex(const absl::StatusOr<IndexBuildReport>& index, const std::str
 void TellSuspects(const RunOptions& options, const CaptureReport& report) {
   if (report.suspect == 0) return;
   std::cerr << report.suspect
-            << " robot images were captured while the cell may have changed; when it is as it was, "
-               "recapture them with: "
+            << " robot images are suspect: the cell may have changed, or 'run --only all' did not "
+               "come to them; when the cell is as it should be, recapture them with: "
             << options.cell.Command("run") << " --only suspect" << std::endl;
+}
+
+// How to go on where the session ended.
+std::string GoOnCommand(const RunOptions& options, const CaptureReport& report) {
+  const std::string run = options.cell.Command("run");
+  const std::string& only = options.plan.only;
+  if (only == "missing") return run;
+  // What it did not come to is suspect or missing.
+  if (only == "all" && report.captured > 0) return run + " --only suspect";
+  return absl::StrCat(run, " --only ", only);
 }
 
 ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
   const std::string run = options.cell.Command("run");
-  std::cerr << "correct that, and check whether it matches with: " << run << " --only sentinels\n"
-            << "or accept the change, recapture reference images and robot images: "
-            << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
+  std::cerr << "correct that, and check whether it matches with: " << run << " --only sentinels"
+            << std::endl;
+  if (!report.none_visited) {
+    std::cerr << "or accept the change, recapture reference images and robot images: "
+              << options.cell.Command("reference") << " && " << run << " --only all" << std::endl;
+  }
   TellSuspects(options, report);
   if (report.captured < report.planned) {
-    std::cerr << report.planned - report.captured << " configurations are left; go on with: " << run
+    std::cerr << report.planned - report.captured
+              << " configurations are left; go on with: " << GoOnCommand(options, report)
               << std::endl;
   }
   return kNo;
@@ -148,10 +162,7 @@ ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
 // Prints the report, what went wrong and how to go on.
 ExitCode Tell(const RunOptions& options, const std::string& database, const CaptureReport& report,
               const SessionLog& log, const std::optional<absl::StatusOr<IndexBuildReport>>& index) {
-  std::string again = options.cell.Command("run");
-  const std::string& only = options.plan.only;
-  if (only != "missing") absl::StrAppend(&again, " --only ", only);
-  const char* from_the_first = only == "all" ? " (begins with the first again)" : "";
+  const std::string again = GoOnCommand(options, report);
   if (options.cell.json()) {
     nlohmann::json json = ReportJson(report);
     if (!report.complete()) json["next"] = again;
@@ -168,20 +179,19 @@ ExitCode Tell(const RunOptions& options, const std::string& database, const Capt
   const uint64_t left = report.planned - report.captured;
   if (!report.status.ok()) {
     const ExitCode code = Report("silhouette-capture", report.status);
-    std::cerr << "what was captured is stored; go on with: " << again << from_the_first
-              << std::endl;
+    std::cerr << "what was captured is stored; go on with: " << again << std::endl;
     return code;
   }
   if (!report.alarm.empty()) return TellAlarm(options, report);
   if (report.stopped) {
     std::cerr << "stopped, " << left << " configurations are left; go on with: " << again
-              << from_the_first << std::endl;
+              << std::endl;
     return kNo;
   }
   const ExitCode index_code = index ? TellIndex(*index, database) : kDone;
   if (!report.complete()) {
-    std::cerr << left << " configurations could not be captured; try them again with: "
-              << options.cell.Command("run") << std::endl;
+    std::cerr << left << " configurations could not be captured; try them again with: " << again
+              << std::endl;
     return index_code == kDone ? kNo : index_code;
   }
   if (report.suspect > 0) TellSuspects(options, report);
@@ -294,7 +304,8 @@ void AddRun(CLI::App& app, Work& work) {
           "--only", options->plan.only,
           "What to capture. missing: what has no mask yet. The others add to that:\n"
           "outliers, what is damaged, empty or unlike its neighbours; suspect, what was captured\n"
-          "while the cell may have changed; 17,4711, these configurations; all, everything again.\n"
+          "while the cell may have changed, and what an 'all' that ended early did not come to;\n"
+          "17,4711, these configurations; all, everything again.\n"
           "sentinels: capture nothing, only check the control configurations (sentinels)")
       ->check(CLI::Validator([](const std::string& only) { return CheckOnly(only); }, ""))
       ->capture_default_str();

@@ -52,6 +52,14 @@ TEST(PlanCapture, MissingIsWhatHasNoRobotImage) {
   EXPECT_EQ(plan->kept, 2u);
 }
 
+TEST(PlanCapture, OfAnEmptyDatabaseNothingIsKept) {
+  FakeCell cell;
+  const auto plan = cell.Plan({.kind = Kind::kNothing});
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  EXPECT_TRUE(plan->captures.empty());
+  EXPECT_EQ(plan->kept, 0u);
+}
+
 TEST(PlanCapture, ListedAreTakenAnewBesidesTheMissing) {
   FakeCell cell;
   const auto all = cell.travel->Serpentine();

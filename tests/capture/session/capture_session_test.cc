@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/remask.h"
 #include "tests/capture/session/fake_cell.h"
@@ -223,6 +224,26 @@ TEST_F(CaptureSessionTest, RobotImageIsTheUnionOfTheStillImages) {
   EXPECT_EQ(other.Content(), united);
 }
 
+TEST_F(CaptureSessionTest, RemaskedVariantsAreAsSuspectAsTheyWere) {
+  cell_.settings.raw_images = RawImages::kAll;
+  ASSERT_TRUE(cell_.Capture().complete());
+  const auto variant = cell_.database->CreateVariant("with-part", "test");
+  ASSERT_TRUE(variant.ok()) << variant.status();
+  storage::v1::CaptureHistory history;
+  history.add_sentinels(4);
+  SetTime(absl::Now(), *history.add_suspects()->mutable_until());
+  ASSERT_TRUE(cell_.database->SetCaptureHistory(history).ok());
+  history.add_sentinels(5);
+  ASSERT_TRUE((*variant)->SetCaptureHistory(history).ok());
+  FakeCell other;
+  const auto remasked = Remask(*cell_.database, {}, "test", *other.database);
+  ASSERT_TRUE(remasked.ok()) << remasked.status();
+  EXPECT_THAT(*SuspectNumbers(*other.database->Read()), SizeIs(30));
+  const auto of_variant = (*other.database->OpenVariant("with-part"))->Read()->CaptureHistory();
+  ASSERT_TRUE(of_variant.ok()) << of_variant.status();
+  EXPECT_EQ(of_variant->SerializeAsString(), history.SerializeAsString());
+}
+
 TEST_F(CaptureSessionTest, RobotThatNeverSettlesIsLeftOutAndEndsTheSession) {
   cell_.settings.still_images = 2;
   cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>& images) {
@@ -275,6 +296,33 @@ TEST_F(CaptureSessionTest, CameraThatIsGoneEndsTheSessionWithWhatIsThere) {
   EXPECT_THAT(report.status.message(), HasSubstr("view 'top'"));
   EXPECT_EQ(report.captured, 8u);
   EXPECT_THAT(cell_.Content(), SizeIs(8));
+}
+
+TEST_F(CaptureSessionTest, CameraThatRepeatsItsLastImageIsLostUnlessItsViewHasNoNoise) {
+  std::vector<uint8_t> last;
+  cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>& images) {
+    if (grab > 8) images[1].pixels = last;
+    last = images[1].pixels;
+    return absl::OkStatus();
+  };
+  cell_.settings.noisy_views = {"front"};
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsUnavailable(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(),
+              AllOf(HasSubstr("the camera of the view 'front' is frozen"),
+                    HasSubstr("'noise: none' at its view in the cell file")));
+  EXPECT_EQ(report.captured, 8u);
+  EXPECT_EQ(cell_.robot.stops, 1);
+  cell_.settings.noisy_views = {"top"};
+  EXPECT_TRUE(cell_.Capture().complete());
+}
+
+TEST_F(CaptureSessionTest, ImageThatIsRepeatedIsNoSecondStillImage) {
+  cell_.settings.still_images = 2;
+  cell_.settings.noisy_views = {"front"};
+  const CaptureReport report = cell_.Capture();
+  EXPECT_THAT(report.status.message(), HasSubstr("the camera of the view 'front' is frozen"));
+  EXPECT_EQ(report.captured, 0u);
 }
 
 TEST_F(CaptureSessionTest, ImageOfTheWrongSizeEndsTheSession) {

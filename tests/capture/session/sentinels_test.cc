@@ -357,6 +357,147 @@ TEST_F(SentinelsTest, WhoGoesOnNonethelessHasItNoted) {
   EXPECT_EQ(report.suspect, 19u);
 }
 
+TEST_F(SentinelsTest, WhatAnAlarmMakesSuspectIsKeptBeforeAnythingElseHappens) {
+  MoveFrontAfter(30);
+  size_t suspect = 0;
+  observer_.say = [&](const std::string&) { suspect = Suspects().size(); };
+  EXPECT_FALSE(cell_.Capture({}, observer_).complete());
+  EXPECT_EQ(suspect, 28u);
+}
+
+TEST_F(SentinelsTest, WhatIsCapturedNonethelessIsSuspectWheneverTheSessionIsKilled) {
+  cell_.settings.commit_interval = absl::ZeroDuration();
+  observer_.stop_requested = [this] { return done_ == 10; };
+  EXPECT_TRUE(cell_.Capture({}, observer_).stopped);
+  observer_.stop_requested = [] { return false; };
+  MoveFrontAfter(0);
+  observer_.alarm = [](const std::string&) { return AfterAlarm::kGoOn; };
+  observer_.progress = [this](uint64_t) {
+    EXPECT_EQ(Suspects().size() + 2, cell_.Content().size()) << "all but the sentinels";
+  };
+  EXPECT_EQ(cell_.Capture({}, observer_).suspect, 28u);
+  const auto history = cell_.database->Read()->CaptureHistory();
+  ASSERT_EQ(history->suspects_size(), 1);
+  EXPECT_LE(TimeOf(history->suspects(0).until()), absl::Now());
+}
+
+TEST_F(SentinelsTest, WhatIsCapturedNonethelessIsSuspectAlsoIfTheyMatchAgain) {
+  cell_.settings.sentinels.every = absl::ZeroDuration();
+  MoveFrontAfter(12);
+  observer_.alarm = [](const std::string&) { return AfterAlarm::kGoOn; };
+  observer_.progress = [this](uint64_t done) {
+    done_ = done;
+    if (done == 20) moved_ = false;
+  };
+  const CaptureReport report = cell_.Capture({}, observer_);
+  EXPECT_EQ(report.captured, 30u);
+  EXPECT_EQ(report.suspect, 19u);
+}
+
+TEST_F(SentinelsTest, SuspectSpanOfAKilledSessionEndsWhereTheNextBegins) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  const absl::Status changed =
+      ChangeHistory(*cell_.database, [](storage::v1::CaptureHistory& history) {
+        storage::v1::SuspectSpan& span = *history.add_suspects();
+        SetTime(absl::InfinitePast(), *span.mutable_after());
+        SetTime(absl::InfiniteFuture(), *span.mutable_until());
+      });
+  ASSERT_TRUE(changed.ok()) << changed;
+  EXPECT_THAT(Suspects(), SizeIs(30));
+  const ConfigurationNumber one = cell_.travel->Serpentine()[10];
+  const CaptureReport report =
+      cell_.Capture({.kind = CaptureSelection::Kind::kListed, .listed = {one}}, observer_);
+  EXPECT_TRUE(report.complete()) << report.status << report.alarm;
+  EXPECT_THAT(Suspects(), SizeIs(29));
+  EXPECT_THAT(Suspects(), Not(Contains(one)));
+}
+
+// All is captured again, with the camera where it is now.
+struct AllAgainTest : SentinelsTest {
+  void CaptureAndMoveFront() {
+    ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+    done_ = 0;
+    MoveFrontAfter(0);
+    cell_.TakeReferences();
+  }
+
+  CaptureReport CaptureSuspects() {
+    return cell_.Capture({.kind = CaptureSelection::Kind::kListed, .listed = Suspects()},
+                         observer_);
+  }
+
+  const CaptureSelection all_{.kind = CaptureSelection::Kind::kAll};
+};
+
+TEST_F(AllAgainTest, ThatEndsEarlyLeavesTheOthersSuspectUntilTheyAreCaptured) {
+  CaptureAndMoveFront();
+  observer_.stop_requested = [this] { return done_ == 10; };
+  const CaptureReport begun = cell_.Capture(all_, observer_);
+  EXPECT_TRUE(begun.stopped);
+  EXPECT_EQ(begun.captured, 10u);
+  EXPECT_EQ(begun.suspect, 20u);
+  observer_.stop_requested = [] { return false; };
+  // The sentinels are compared as they look since then.
+  const CaptureReport rest = CaptureSuspects();
+  EXPECT_TRUE(rest.complete()) << rest.status << rest.alarm;
+  EXPECT_EQ(rest.captured, 20u);
+  EXPECT_EQ(rest.sentinel_checks, 2u);
+  EXPECT_EQ(rest.suspect, 0u);
+  EXPECT_EQ(cell_.database->Read()->CaptureHistory()->suspects_size(), 0);
+}
+
+TEST_F(AllAgainTest, LeavesNothingSuspectOnceItIsComplete) {
+  CaptureAndMoveFront();
+  const CaptureReport report = cell_.Capture(all_, observer_);
+  EXPECT_TRUE(report.complete()) << report.status << report.alarm;
+  EXPECT_EQ(report.suspect, 0u);
+  EXPECT_EQ(cell_.database->Read()->CaptureHistory()->suspects_size(), 0);
+}
+
+TEST_F(AllAgainTest, MakesNothingSuspectBeforeItCapturesAnything) {
+  CaptureAndMoveFront();
+  cell_.robot.on_move = [](size_t) { return absl::CancelledError("stopped by the operator"); };
+  EXPECT_TRUE(cell_.Capture(all_, observer_).stopped);
+  EXPECT_THAT(Suspects(), IsEmpty());
+}
+
+TEST_F(AllAgainTest, SentinelThatItDidNotReachIsNotComparedAsItWasBefore) {
+  cell_.settings.sentinels.count = 1;
+  CaptureAndMoveFront();
+  const Configuration missed = cell_.database->grid().At(Known()[0]);
+  cell_.robot.on_state = [&](RobotState& state) {
+    if (cell_.robot.at[2] == missed[0] && cell_.robot.at[1] == missed[1]) state.positions[1] += 0.1;
+    return absl::OkStatus();
+  };
+  const CaptureReport begun = cell_.Capture(all_, observer_);
+  EXPECT_EQ(begun.captured, 29u);
+  EXPECT_EQ(begun.suspect, 1u);
+  cell_.robot.on_state = nullptr;
+  const CaptureReport rest = CaptureSuspects();
+  EXPECT_TRUE(rest.complete()) << rest.status << rest.alarm;
+  EXPECT_EQ(rest.captured, 1u);
+  EXPECT_EQ(rest.suspect, 0u);
+}
+
+TEST_F(SentinelsTest, ThatASessionDidNotVisitInTheEndAreVisitedWithNothingLeftToCapture) {
+  cell_.rig.on_grab = [](size_t grab, std::vector<CameraImage>&) {
+    return grab > 30 ? absl::InternalError("the camera is gone") : absl::OkStatus();
+  };
+  const CaptureReport first = cell_.Capture({}, observer_);
+  EXPECT_FALSE(first.status.ok());
+  EXPECT_EQ(first.captured, 30u);
+  MoveFrontAfter(0);
+  const CaptureReport second = cell_.Capture({}, observer_);
+  EXPECT_THAT(second.alarm, HasSubstr("view 'front' moved"));
+  EXPECT_EQ(second.suspect, 28u);
+  moved_ = false;
+  EXPECT_EQ(cell_.Capture({}, observer_).sentinel_checks, 1u);
+  // Once they matched, not again.
+  cell_.robot.moves.clear();
+  EXPECT_EQ(cell_.Capture({}, observer_).sentinel_checks, 0u);
+  EXPECT_THAT(cell_.robot.moves, IsEmpty());
+}
+
 TEST_F(SentinelsTest, LightFromElsewhereIsNoMovedCamera) {
   cell_.rig.on_grab = [this](size_t, std::vector<CameraImage>& images) {
     for (size_t i = 0; done_ >= 30 && i < images[0].pixels.size(); ++i) {
@@ -404,6 +545,7 @@ TEST_F(SentinelsTest, ThatCannotBeVisitedAreNoGoodCheck) {
   const CaptureReport report = cell_.Capture(nothing, observer_);
   EXPECT_FALSE(report.complete());
   EXPECT_THAT(report.alarm, HasSubstr("no control configuration could be visited"));
+  EXPECT_TRUE(report.none_visited);
   EXPECT_THAT(report.alarm, HasSubstr("off by 0.1000"));
   EXPECT_THAT(report.alarm, HasSubstr("sentinels: {count}"));
   cell_.robot.on_state = nullptr;

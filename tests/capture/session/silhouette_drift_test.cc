@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 #include "capture/segmentation/difference.h"
@@ -16,11 +18,15 @@ using testing::HasSubstr;
 constexpr int kScale = 16;  // images are drawn so much larger, to shift by parts of pixels
 const ViewSizes kSizes{.image = {320, 240}, .mask = {64, 64}};
 
-// An arm of two links before a grey room, the image shifted by so many pixels.
-cv::Mat Image(double dx, double dy, bool robot, uint64_t seed) {
+// An arm of two links before a grey room, the image turned by so many radians about the arm's
+// middle, clockwise, and shifted by so many pixels.
+cv::Mat Image(double dx, double dy, bool robot, uint64_t seed, double turn = 0) {
   cv::Mat large(240 * kScale, 320 * kScale, CV_8U, cv::Scalar(90));
+  const Eigen::Vector2d middle(180, 140);
   const auto at = [&](double x, double y) {
-    return cv::Point(static_cast<int>((x + dx) * kScale), static_cast<int>((y + dy) * kScale));
+    const Eigen::Vector2d moved = middle + Eigen::Vector2d(dx, dy) +
+                                  Eigen::Rotation2Dd(turn) * (Eigen::Vector2d(x, y) - middle);
+    return cv::Point(static_cast<int>(moved.x() * kScale), static_cast<int>(moved.y() * kScale));
   };
   if (robot) {
     cv::line(large, at(150, 239), at(170, 120), cv::Scalar(200), 26 * kScale);
@@ -63,6 +69,35 @@ TEST_F(SilhouetteDrift, ShiftsAreMeasuredToAFractionOfAMaskPixel) {
     EXPECT_NEAR(drift.shift.y(), dy, 1) << dx << ", " << dy;
     EXPECT_NEAR(drift.moved_mask, std::hypot(dx / 5, dy / 3.75), 0.2);
   }
+}
+
+TEST_F(SilhouetteDrift, ACameraThatStandsStillHoldsWhateverTheNoise) {
+  for (uint64_t seed = 10; seed < 20; ++seed) {
+    const ViewDrift drift = Drift(Image(0, 0, true, seed));
+    ASSERT_TRUE(drift.checked) << drift.message;
+    EXPECT_LT(drift.moved_mask, 0.2);
+  }
+}
+
+TEST_F(SilhouetteDrift, ATurnAboutTheRobotIsMeasuredAtTheImagesCorners) {
+  for (const double degrees : {1.5, -1.5, 3.0}) {
+    const double turn = degrees * std::numbers::pi / 180;
+    const ViewDrift drift = Drift(Image(0, 0, true, 2, turn));
+    ASSERT_TRUE(drift.checked) << drift.message;
+    EXPECT_NEAR(drift.turn, turn, std::abs(turn) / 2);
+    // A corner is 56 mask pixels away, as the turn moves it.
+    EXPECT_NEAR(drift.moved_mask, 56 * std::abs(turn), 28 * std::abs(turn));
+    EXPECT_GT(drift.moved, 3);
+  }
+}
+
+TEST_F(SilhouetteDrift, ACompactOutlineLeavesATurnOpen) {
+  cv::Mat image = Image(0, 0, false, 2);
+  cv::circle(image, {160, 120}, 25, cv::Scalar(200), cv::FILLED);
+  const Mask disc = Difference(image, reference_, settings_, {64, 64});
+  const ViewDrift drift = DriftBySilhouette("top", kSizes, image, reference_, settings_, disc);
+  EXPECT_FALSE(drift.checked);
+  EXPECT_THAT(drift.message, HasSubstr("use tags"));
 }
 
 TEST_F(SilhouetteDrift, ARobotThatIsNotThereIsNotChecked) {

@@ -125,6 +125,31 @@ TEST(StoppedCapture, EndsCleanlyAndSaysHowToGoOn) {
   }
 }
 
+TEST(StoppedCapture, OfAllAgainSaysHowToCaptureTheRest) {
+  ProgramCell cell;
+  cell.WriteCell({{"settle: 5 ms", "settle: 50 ms"}});
+  cell.CaptureAll();
+  const pid_t run = cell.Start(cell.Arguments("run", {"--only", "all"}));
+  const auto begun = [&] {
+    const auto database = Database::Open(cell.database(), Database::Access::kRead);
+    return database.ok() && (*database)->Read()->CaptureHistory()->suspects_size() > 0;
+  };
+  for (int i = 0; i < 3000 && !begun(); ++i) absl::SleepFor(absl::Milliseconds(5));
+  kill(run, SIGINT);
+  Outcome outcome = cell.Wait(run);
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  const std::string rest = absl::StrCat("go on with: silhouette-capture run --cell ", cell.cell(),
+                                        " --database ", cell.database(), " --only suspect\n");
+  EXPECT_THAT(outcome.err, HasSubstr(rest));
+  // Until then they are suspect, and a run of what is missing says so.
+  outcome = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("robot images are suspect"));
+  outcome = cell.Run(cell.Arguments("run", {"--only", "suspect"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(cell.Run(cell.Arguments("status")).exit_code, 0);
+}
+
 TEST(StoppedCapture, OfReferenceImagesStoresNone) {
   ProgramCell cell;
   cell.WriteCell({{"reference_images: 3", "reference_images: 100000"}});

@@ -184,6 +184,39 @@ TEST(CaptureSessions, RemaskedHoldsWhatACaptureWithTheSameSettingsHolds) {
   EXPECT_EQ(cell.RawImages(), 45u);
 }
 
+TEST(CaptureSessions, RemaskedIntoAnotherDatabaseKeepsTheCalibration) {
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.CaptureAll();
+  for (const std::string& command :
+       {"silhouette-sim calibration --cell " + cell.cell() + " --out " + cell / "true",
+        "silhouette-db calibration import " + cell.database() + " " + cell / "true"}) {
+    const std::string whole = ProgramFolder() + "/" + command + " >/dev/null 2>&1";
+    ASSERT_EQ(std::system(whole.c_str()), 0) << whole;
+  }
+  const std::string into = cell / "other.lmdb";
+  const Outcome outcome = cell.Run(cell.Arguments("remask", {"--into", into}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const auto calibration_in = [](const std::string& folder) {
+    const auto database = Database::Open(folder, Database::Access::kRead);
+    return (*database)->Read()->Calibration().value();
+  };
+  ASSERT_TRUE(calibration_in(into).has_value());
+  EXPECT_EQ(calibration_in(into)->SerializeAsString(),
+            calibration_in(cell.database())->SerializeAsString());
+}
+
+TEST(CaptureSessions, CameraWhoseImagesRepeatIsLostUnlessTheCellSaysThatItHasNoNoise) {
+  ProgramCell cell;
+  cell.TakeReferences();
+  cell.WriteCell({{"noise: none, ", ""}, {"settle: 5 ms", "settle: 5 ms\n  retry: 10 ms"}});
+  const Outcome outcome = cell.Run(cell.Arguments("run"));
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("the camera of the view 'top' is frozen"));
+  EXPECT_THAT(outcome.err, HasSubstr("state 'noise: none' at its view in the cell file"));
+  EXPECT_EQ(cell.Records(), 0u);
+}
+
 // A part that the simulated robot carries in the variant `with-part`.
 void AddPart(const ProgramCell& cell) {
   WriteText(
