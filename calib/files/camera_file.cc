@@ -82,7 +82,9 @@ storage::v1::CameraModel ReadCamera(const YamlNode& root) {
   }
   const auto parameters = static_cast<size_t>(model->second);
   const std::vector<double> intrinsics = map.Required("intrinsics").Values<double>(4 + parameters);
-  const std::vector<double> extrinsics = map.Required("extrinsics").Values<double>(6);
+  const std::optional<YamlNode> pose = map.Optional("rt_cam_ref");
+  const std::vector<double> extrinsics =
+      (pose ? *pose : map.Required("extrinsics")).Values<double>(6);
   const std::vector<int> size = map.Required("imagersize").Values<int>(2);
   storage::v1::CameraModel camera;
   camera.set_image_width(size[0]);

@@ -4,7 +4,8 @@
 //
 //   lensmodel    'LENSMODEL_PINHOLE', '..._OPENCV4', '..._OPENCV5' or '..._OPENCV8'
 //   intrinsics   fx, fy, cx, cy, then the distortion: k1 k2 p1 p2 [k3 [k4 k5 k6]]
-//   extrinsics   from the world to the camera: rotation vector (radians), translation (metres)
+//   extrinsics   from the world to the camera: rotation vector (radians), translation (metres);
+//                newer files of mrcal name it rt_cam_ref
 //   imagersize   width, height
 //   valid_intrinsics_region   optional; where the lens is known: points [x, y] of a closed line, in
 //                pixels, the last one equal to the first; [] for nowhere

@@ -17,6 +17,8 @@ namespace {
 constexpr std::chrono::milliseconds kPeriod{500};
 // A check may be stamped this much ahead of the server's clock.
 constexpr absl::Duration kTolerance = absl::Seconds(60);
+// A check that ends earlier by less than this is not reported again.
+constexpr absl::Duration kSameEnd = absl::Seconds(1);
 
 CalibrationTrust Doubt(std::string message) {
   CalibrationTrust doubt;
@@ -69,8 +71,9 @@ void CalibrationWatch::Look() {
   const absl::StatusOr<std::string> text = ReadWholeFile(settings_.file);
   auto trust = std::make_shared<const CalibrationTrust>(TrustFrom(text, settings_, clock_()));
   std::string said = absl::StrCat(trust->message, "\n", text.value_or(""));
-  if (said == told_) return;
+  if (said == told_ && trust->until >= told_until_ - kSameEnd) return;
   told_ = std::move(said);
+  told_until_ = trust->until;
   if (trust->holds) {
     spdlog::info("calibration: {}", trust->message);
   } else {

@@ -24,9 +24,9 @@ struct CalibrationWatchSettings {
 CalibrationTrust ReadTrust(const CalibrationWatchSettings& settings, const Moment& now);
 
 // Reads the file every half second, and reports its content: at once, in the constructor, and
-// whenever its content or what follows from it has changed; a check that becomes too old is not
-// reported (CalibrationTrust::until has its end). The calls come from the constructor and a thread
-// of its own.
+// whenever its content or what follows from it has changed, also if a corrected clock makes a check
+// end earlier. A check that becomes too old is not reported (CalibrationTrust::until has its end).
+// The calls come from the constructor and a thread of its own.
 class CalibrationWatch {
  public:
   using Tell = std::function<void(std::shared_ptr<const CalibrationTrust>)>;
@@ -39,7 +39,8 @@ class CalibrationWatch {
   const CalibrationWatchSettings settings_;
   const Clock clock_;
   const Tell tell_;
-  std::string told_;     // in words, and the file's content
+  std::string told_;  // in words, and the file's content
+  absl::Duration told_until_ = absl::InfiniteDuration();
   std::jthread thread_;  // last: it uses the others
 };
 

@@ -63,6 +63,14 @@ TEST(CameraFile, OfMrcalIsRead) {
   EXPECT_THAT(camera->translation(), ElementsAre(0, 0.5, -7));
 }
 
+TEST(CameraFile, PoseHasTheNewerNameOfMrcalToo) {
+  const auto camera = StoredCameraFromText(
+      absl::StrReplaceAll(kFile, {{"'extrinsics'", "'rt_cam_ref'"}}), "top.cameramodel");
+  ASSERT_TRUE(camera.ok()) << camera.status();
+  EXPECT_THAT(camera->rotation(), ElementsAre(0.02, -0.3, 1));
+  EXPECT_THAT(camera->translation(), ElementsAre(0, 0.5, -7));
+}
+
 TEST(CameraFile, SaysWhatIsWrongAndWhere) {
   const auto refusal = [](const std::string& from, const std::string& to) {
     const auto camera =

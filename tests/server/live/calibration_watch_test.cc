@@ -94,5 +94,29 @@ TEST_F(CalibrationWatchTest, ChangesAreTold) {
   EXPECT_FALSE(holds.back());
 }
 
+TEST_F(CalibrationWatchTest, AClockThatIsSetRightEndsTheCheckEarlier) {
+  Write(now_ - absl::Minutes(30), 0.1);
+  std::mutex mutex;
+  std::condition_variable told;
+  absl::Duration behind = absl::Minutes(20);
+  absl::Duration until;
+  CalibrationWatch watch(
+      settings_,
+      [&] {
+        const std::lock_guard lock(mutex);
+        return Moment{now_ - behind, moment_.running};
+      },
+      [&](std::shared_ptr<const CalibrationTrust> trust) {
+        const std::lock_guard lock(mutex);
+        until = trust->until;
+        told.notify_all();
+      });
+  std::unique_lock lock(mutex);
+  ASSERT_EQ(until, moment_.running + absl::Minutes(50));
+  behind = absl::ZeroDuration();
+  EXPECT_TRUE(told.wait_for(lock, std::chrono::seconds(60),
+                            [&] { return until == moment_.running + absl::Minutes(30); }));
+}
+
 }  // namespace
 }  // namespace silhouette

@@ -124,8 +124,22 @@ TEST_F(CheckLive, TagsAndTheParkedRobotTellWhichCameraMoved) {
   refused("", "--live needs --boards");
   refused("--number 99", "no configuration has the number 99");
   refused("--corners then.csv", "--corners");
+}
+
+TEST_F(CheckLive, WithoutAnyTagInSightNoLongerConfirmsTheCalibration) {
+  const auto holds = [&] {
+    return Json::parse(ContentOf(shell_.folder() / "check.json"))["holds"] == true;
+  };
+  const Ended still = Check("--sets 2 --boards boards.yaml --out check.json");
+  EXPECT_EQ(still.exit_code, 0) << still.out << still.err;
+  EXPECT_TRUE(holds());
   Write("other.yaml", "- {name: other, family: tag36h11, rows: 1, columns: 1, tag_size: 0.1}\n");
-  refused("--sets 1 --boards other.yaml", "no camera of the cell sees a tag of other.yaml");
+  const Ended blind = Check("--sets 1 --boards other.yaml --out check.json");
+  EXPECT_EQ(blind.exit_code, 1) << blind.out << blind.err;
+  EXPECT_THAT(blind.err, HasSubstr("no camera of the cell sees a tag of other.yaml"));
+  EXPECT_THAT(blind.err, HasSubstr("is the light on?"));
+  EXPECT_THAT(blind.out, HasSubstr("top: not checked: none of the tags"));
+  EXPECT_FALSE(holds());
 }
 
 }  // namespace
