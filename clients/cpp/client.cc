@@ -269,7 +269,7 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
 absl::StatusOr<v1::Scene> Client::PublishScene(
     v1::PublishSceneRequest scene, std::optional<RunningClock::time_point> taken) const {
   if (!taken) taken = RunningClock::now();
-  scene.set_variant(variant_);
+  if (!variant_.empty()) scene.set_variant(variant_);
   std::vector<v1::ViewImage*> unstamped;
   for (v1::ViewImage& image : *scene.mutable_views()) {
     if (!image.has_capture_time() && !image.has_server_clock()) unstamped.push_back(&image);
@@ -286,7 +286,9 @@ absl::StatusOr<v1::Scene> Client::PublishScene(
     response = publish();
   }
   if (!response.ok()) return response.status();
-  if (!variant_.empty() && response->scene().variant() != variant_) return NoVariants(address());
+  if (!scene.variant().empty() && response->scene().variant() != scene.variant()) {
+    return NoVariants(address());
+  }
   return WithMasks(response->scene(), address());
 }
 

@@ -99,6 +99,9 @@ class LocalSpace::Impl {
       const bool lost = ReasonOfEnd(path.status()) == Reason::kConnectionLost;
       return UnknownMotion(lost ? Reason::kConnectionLost : Reason::kRefused, motion.front());
     }
+    if (RunningClock::now() >= ValidityOf(path->basis, options_.max_age).until) {
+      return UnknownMotion(Reason::kUpdateTooOld, motion.front());
+    }
     const bool placed = !path->configuration.empty();
     MotionVerdict verdict =
         UnknownMotion(path->verdict.reason, placed ? path->configuration : motion.front());

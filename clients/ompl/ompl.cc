@@ -108,6 +108,12 @@ class ClearanceObjective : public ob::StateCostIntegralObjective {
   const std::shared_ptr<const ConfigurationSpace> clearances_;
 };
 
+void RequireJoints(const JointStateSpace& space, std::span<const double> q) {
+  if (q.size() != space.getSubspaceCount()) {
+    throw std::invalid_argument("a configuration has one value per joint");
+  }
+}
+
 }  // namespace
 
 ob::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot> snapshot,
@@ -124,9 +130,7 @@ ob::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot
 }
 
 ob::ScopedState<> StateOf(const ob::SpaceInformationPtr& si, std::span<const double> q) {
-  if (q.size() != si->getStateSpace()->as<JointStateSpace>()->getSubspaceCount()) {
-    throw std::invalid_argument("a configuration has one value per joint");
-  }
+  RequireJoints(JointsOf(*si), q);
   ob::ScopedState<> state(si);
   JointsOf(*si).SetState(q, state.get());
   return state;
@@ -135,6 +139,7 @@ ob::ScopedState<> StateOf(const ob::SpaceInformationPtr& si, std::span<const dou
 std::vector<Configuration> WaypointsOf(const ompl::geometric::PathGeometric& path,
                                        std::span<const double> start) {
   const JointStateSpace& space = JointsOf(*path.getSpaceInformation());
+  RequireJoints(space, start);
   std::vector<Configuration> waypoints;
   Configuration last(start.begin(), start.end());
   for (size_t i = 0; i < path.getStateCount(); ++i) {

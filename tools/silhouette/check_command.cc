@@ -56,12 +56,11 @@ absl::StatusOr<std::vector<Configuration>> ConfigurationsOf(const CheckArguments
 }
 
 // How long each of the checks of --repeat took, in microseconds, sorted; fewer after Ctrl-C.
-absl::StatusOr<std::vector<double>> Measure(
-    const std::function<absl::StatusOr<client::ConfigurationChecks>()>& ask, int repeat) {
+absl::StatusOr<std::vector<double>> Measure(const std::function<absl::Status()>& ask, int repeat) {
   std::vector<double> times;
   for (int i = 0; i < repeat && !StopRequested(); ++i) {
     const auto start = std::chrono::steady_clock::now();
-    RETURN_IF_ERROR(ask().status());
+    RETURN_IF_ERROR(ask());
     times.push_back(
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
             .count());
@@ -174,6 +173,7 @@ class Asked {
 
 // How the answers turned out.
 struct CheckLinesOutcome {
+  uint64_t answers = 0;
   bool all_free = true;
   absl::Status status;  // why they ended, if before the last one
   std::atomic<bool> ended = false;
@@ -192,6 +192,7 @@ void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& as
     }
     const Configuration q = asked.Take(answer->id);
     const client::Verdict& verdict = answer->checks->verdicts[0];
+    ++outcome.answers;
     outcome.all_free = outcome.all_free && verdict.free();
     if (session.json()) {
       Json line{{"line", answer->id}, {"configuration", q}};
@@ -230,8 +231,8 @@ absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::
 }
 
 // --stream: configurations from standard input, answered one by one as they come. One line of
-// output for each line with a configuration, in their order. kDone if all are free; ends with
-// Ctrl-C, or with the first line that is no configuration.
+// output for each line with a configuration, in their order. kDone if all are free, and there is
+// one; ends with Ctrl-C (kStopped), or with the first line that is no configuration.
 absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
@@ -248,6 +249,12 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   printer.join();
   RETURN_IF_ERROR(outcome.status);
   RETURN_IF_ERROR(mistake);
+  if (StopRequested()) return kStopped;
+  if (outcome.answers == 0) {
+    return absl::InvalidArgumentError(
+        "standard input has no configuration; give one on each line, as the program before the "
+        "pipe should");
+  }
   return outcome.all_free ? kDone : kNo;
 }
 
@@ -256,11 +263,14 @@ absl::StatusOr<ExitCode> Check(const Session& session, const CheckArguments& arg
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   TypedJoints joints(session.unit, [&] { return client.GetDatabase(); });
   ASSIGN_OR_RETURN(const auto configurations, ConfigurationsOf(arguments, joints));
+  client::ConfigurationChecks checks;
   const auto ask = [&] {
-    return client.CheckConfigurations(configurations, session.policy, client::Evidence::kPerView,
-                                      session.clearance);
+    ASSIGN_OR_RETURN(checks,
+                     client.CheckConfigurations(configurations, session.policy,
+                                                client::Evidence::kPerView, session.clearance));
+    return absl::OkStatus();
   };
-  ASSIGN_OR_RETURN(const auto checks, ask());
+  RETURN_IF_ERROR(ask());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto times, Measure(ask, arguments.repeat));
   PrintResult(

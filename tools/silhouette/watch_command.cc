@@ -192,10 +192,18 @@ absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
 }
 
 absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arguments) {
+  const bool path = !arguments.path.waypoints.empty() || !arguments.path.file.empty();
+  if (path && arguments.max_age) {
+    return absl::InvalidArgumentError(
+        "--max-age: not for a path, whose scenes may be as old as the server has it; leave it out");
+  }
+  if (!path && (arguments.path.separation || session.clearance == client::Clearance::kMeasure)) {
+    return absl::InvalidArgumentError(
+        "--separation and --clearance are of a path; give its waypoints, or leave them out");
+  }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   Lines lines(session.json(), arguments.count);
-  const bool path = !arguments.path.waypoints.empty() || !arguments.path.file.empty();
   return path ? WatchPath(session, client, arguments, lines)
               : WatchSpace(session, client, arguments, lines);
 }

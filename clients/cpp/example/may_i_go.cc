@@ -9,7 +9,14 @@ int main(int argc, char** argv) {
   if (argc < 3) return 2;
   const auto client = silhouette::Client::Connect(argv[1]);
   silhouette::Configuration q;
-  for (int i = 2; i < argc; ++i) q.push_back(std::atof(argv[i]));
+  for (int i = 2; i < argc; ++i) {
+    char* end = nullptr;
+    q.push_back(std::strtod(argv[i], &end));
+    if (end == argv[i] || *end != '\0') {
+      std::cerr << "'" << argv[i] << "' is no number of radians\n";
+      return 2;
+    }
+  }
   const auto checks = client.ok() ? client->CheckConfigurations({q}) : client.status();
   if (!checks.ok()) {
     std::cerr << checks.status().message() << '\n';

@@ -45,6 +45,10 @@ TEST(Scene, IsSentAndReadWhole) {
   EXPECT_EQ(seen.views(0).scene_mask().bits(), mask.ToBytes());
   EXPECT_EQ(scene->id(), 4u);
   EXPECT_EQ(scene->variant(), "tool");
+  // A scene that states its variant, such as a recorded one, keeps it.
+  request.set_variant("gripper");
+  ASSERT_TRUE(ClientOfHere(server).PublishScene(request).ok());
+  EXPECT_EQ(seen.variant(), "gripper");
   EXPECT_EQ(scene->joints(0).position(), 0.5);
   EXPECT_EQ(FromMessage(scene->views(0).scene()), mask);
   EXPECT_EQ(FromMessage(scene->defects(0).reason()), Reason::kViewMissing);

@@ -260,6 +260,22 @@ TEST(DrawnSpace, PresetsThatDoNotCountViewsAreRefusedWithASentence) {
   EXPECT_FALSE(space.CheckMotion(Configuration{1, 0}, Configuration{1.1, 0}).free());
 }
 
+TEST(DrawnSpace, WhatTheServerAnswersOfAnOlderSceneThanMaxAgeIsNotFree) {
+  Random random;
+  DrawnServer running;
+  running.Publish(random, 0);
+  const Policy policy{.preset = "calibrated"};  // which is not checked here
+  const Configuration from{1, 0};
+  const Configuration to{1.1, 0};
+  const auto ask = [&](absl::Duration max_age) {
+    const LocalSpace space(running.client(), {.policy = policy, .max_age = max_age});
+    EXPECT_EQ(space.WaitForUpdate(0, kDrawnSpaceLong)->unknown_reason(), Reason::kNotCheckedHere);
+    return space.CheckMotionOrAsk(from, to);
+  };
+  EXPECT_TRUE(ask(absl::Minutes(5)).free());
+  EXPECT_EQ(ask(absl::Nanoseconds(1)).reason, Reason::kUpdateTooOld);
+}
+
 TEST(DrawnSpace, ExpiresWithTheScene) {
   Random random;
   DrawnServer running(DrawnSpaceDatabase(), absl::Seconds(1));

@@ -178,6 +178,8 @@ TEST(Ompl, StatesHaveOneValuePerJoint) {
   PlannedCell cell;
   const ob::SpaceInformationPtr si = MakeSpaceInformation(cell.Show(EmptyCellScene()));
   EXPECT_THROW(StateOf(si, Configuration{1}), std::invalid_argument);
+  const og::PathGeometric path(si);
+  EXPECT_THROW(WaypointsOf(path, Configuration{1}), std::invalid_argument);
 }
 
 }  // namespace

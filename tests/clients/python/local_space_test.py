@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """LocalSpace of the Python package against the real server."""
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -53,6 +56,18 @@ def test_verdicts_are_those_of_the_server(client):
         assert repr(snapshot.check_numbers(numbers.ravel())) == f"<Checks {free} of {TRUTH.size} free, scene 1>"
         assert repr(snapshot.check_motion([0.0, 0.0], [0.0, 0.0])) == "<MotionVerdict free>"
         assert repr(snapshot.check_motion([9.0, 0.0], [9.0, 0.0])).startswith("<MotionVerdict unknown: ")
+
+
+def test_closing_a_space_ends_the_wait_of_another_thread(client):
+    publish(client)
+    space = silhouette.LocalSpace(client, max_age=600.0)
+    newest = usable(space, 1).number
+    with ThreadPoolExecutor(1) as threads:
+        waiting = threads.submit(space.wait_for_update, newest, 60)
+        time.sleep(0.2)
+        space.close()
+        with pytest.raises(ValueError, match="closed"):
+            waiting.result(timeout=20)
 
 
 def test_everything_is_unknown_without_a_scene_and_after_its_end(client):

@@ -272,9 +272,11 @@ TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
 }
 
 TEST_F(SilhouetteWatch, MistakeOfTheUserEndsItAtOnce) {
-  for (const std::string what : {"watch --preset calibrated", "watch 0,0 1,0 --preset calibrated",
-                                 "watch 0,0 1", "watch --max-age long", "watch --max-age 0s",
-                                 "watch --count 0", "watch 0,0 --file path.json"}) {
+  for (const std::string what :
+       {"watch --preset calibrated", "watch 0,0 1,0 --preset calibrated", "watch 0,0 1",
+        "watch --max-age long", "watch --max-age 0s", "watch --count 0",
+        "watch 0,0 --file path.json", "watch 0,0 1,0 --max-age 300ms", "watch --separation",
+        "watch --clearance"}) {
     const Ended ended = cell_.Run(what);
     EXPECT_EQ(ended.exit_code, 2) << what << ": " << ended.out << ended.err;
     EXPECT_THAT(ended.err, StartsWith("silhouette: ")) << what;
@@ -306,7 +308,11 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   const Ended too_few = check("0\\n");
   EXPECT_EQ(too_few.exit_code, 2);
   EXPECT_EQ(cell_.Run("check --stream 0,0").exit_code, 2);
-  EXPECT_EQ(cell_.Run("check --stream <&-").exit_code, 0) << "a closed stream has no lines";
+  for (const char* nothing : {"check --stream <&-", "check --stream </dev/null"}) {
+    const Ended empty = cell_.Run(nothing);
+    EXPECT_EQ(empty.exit_code, 2) << "what was not asked is not free";
+    EXPECT_THAT(empty.err, HasSubstr("standard input has no configuration"));
+  }
   // It does not wait for input that never ends.
   const Ended refused = cell_.shell().Run(
       "mkfifo in; sleep 60 >in & writer=$!; printf '0\\n' >in & SILHOUETTE_SERVER=" +
