@@ -61,6 +61,21 @@ double WayToStop(const SeparationSettings& settings, const SpeedLevel& level,
   return level.speed * (image_to_reply + settings.reaction_time) + level.stopping_distance;
 }
 
+std::optional<KeptLevels> LevelsKept(
+    std::span<const double> distances,
+    const std::function<std::optional<PathDistance>(size_t level)>& along) {
+  KeptLevels kept;
+  for (size_t level = 0; level < distances.size(); ++level) {
+    const std::optional<PathDistance> path = along(level);
+    if (!path) return std::nullopt;
+    const bool keeps = path->distance >= distances[level];
+    if (keeps || level == 0) kept.path = *path;
+    if (!keeps) break;
+    ++kept.count;
+  }
+  return kept;
+}
+
 void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
   const size_t joints = waypoints.front().size();
   std::vector<bool> changes(joints, waypoints.size() == 1);

@@ -8,6 +8,7 @@
 // An aid for planning and for studying a cell, no certified safety function.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -83,6 +84,20 @@ struct PathDistance {
   // Whether it is that of all of the path.
   bool whole = false;
 };
+
+// The levels that keep their distance, slow ones first.
+struct KeptLevels {
+  size_t count = 0;
+  // As far as the fastest of them looks at it, or else the slowest level.
+  PathDistance path;
+};
+
+// A level is kept if its distance is, and those of all slower ones. `distances`: what they are to
+// keep. `along(level)`: of the path as far as this level looks at it; nothing is given if it gives
+// nothing.
+std::optional<KeptLevels> LevelsKept(
+    std::span<const double> distances,
+    const std::function<std::optional<PathDistance>(size_t level)>& along);
 
 // How far the robot, a body of balls about its parts, is from what may hold somebody. A body that
 // is too large makes distances too small. Only parts that move are counted: on a path those that it

@@ -62,45 +62,46 @@ absl::Duration ImageAge(const Serving& serving, const Served& served, const Mome
   return std::min(served.scene->AgeAt(now) + next, serving.settings.scene.max_age);
 }
 
-struct KeptLevels {
-  size_t count = 0;  // the slow ones first
-  // As far as the fastest of them, or else the slowest level, looks at it.
-  PathDistance path;
+struct LevelsNow {
+  KeptLevels kept;
   std::vector<double> distances;  // that the levels keep, metres
   absl::Duration image_age;       // that they count on
 };
 
 // The levels that keep their distance from the path: all of it, or as far as the horizon and until
 // the robot stands. Nothing: as Checker::Distance.
-std::optional<KeptLevels> LevelsKeptOn(const Serving& serving, const Checker& checker,
-                                       std::span<const Configuration> waypoints,
-                                       const SeparationSettings& settings, double horizon,
-                                       const Stop& stop) {
+std::optional<LevelsNow> LevelsKeptOn(const Serving& serving, const Checker& checker,
+                                      std::span<const Configuration> waypoints,
+                                      const SeparationSettings& settings, double horizon,
+                                      const Stop& stop) {
   // The first distance of a scene takes longest: the age is that after it.
-  std::optional<PathDistance> path = checker.Distance(waypoints.first(1), std::nullopt, stop);
-  if (!path) return std::nullopt;
-  KeptLevels kept;
-  kept.image_age = ImageAge(serving, checker.served(), serving.settings.clock());
-  const double age = absl::ToDoubleSeconds(kept.image_age);
+  if (!checker.Distance(waypoints.first(1), std::nullopt, stop)) return std::nullopt;
+  LevelsNow now;
+  now.image_age = ImageAge(serving, checker.served(), serving.settings.clock());
+  const double age = absl::ToDoubleSeconds(now.image_age);
   const bool has_direction = waypoints.size() > 1;
   for (const SpeedLevel& level : settings.levels) {
-    kept.distances.push_back(ProtectiveDistance(settings, level, age) +
-                             (has_direction ? 0 : WayToStop(settings, level, age)));
+    now.distances.push_back(ProtectiveDistance(settings, level, age) +
+                            (has_direction ? 0 : WayToStop(settings, level, age)));
   }
-  for (const SpeedLevel& level : settings.levels) {
-    const double ahead = horizon + WayToStop(settings, level, age);
-    if (kept.count == 0 || ahead < kAllOfIt) path = checker.Distance(waypoints, ahead, stop);
-    if (!path) return std::nullopt;
-    const bool keeps = path->distance >= kept.distances[kept.count];
-    if (keeps || kept.count == 0) kept.path = *path;
-    if (!keeps) break;
-    ++kept.count;
+  std::optional<PathDistance> whole;  // the same for all levels
+  if (horizon == kAllOfIt) {
+    whole = checker.Distance(waypoints, std::nullopt, stop);
+    if (!whole) return std::nullopt;
   }
-  return kept;
+  const auto kept = LevelsKept(now.distances, [&](size_t level) {
+    if (whole) return whole;
+    const double ahead = horizon + WayToStop(settings, settings.levels[level], age);
+    return checker.Distance(waypoints, ahead, stop);
+  });
+  if (!kept) return std::nullopt;
+  now.kept = *kept;
+  return now;
 }
 
-void ToMessage(const KeptLevels& kept, const SeparationSettings& settings, double leave_from,
+void ToMessage(const LevelsNow& now, const SeparationSettings& settings, double leave_from,
                v1::Separation& message) {
+  const KeptLevels& kept = now.kept;
   message.set_level(static_cast<int>(kept.count));
   if (kept.count > 0) message.set_level_name(settings.levels[kept.count - 1].name);
   message.set_distance(kept.path.distance);
@@ -108,8 +109,8 @@ void ToMessage(const KeptLevels& kept, const SeparationSettings& settings, doubl
   message.mutable_nearest()->set_fraction(kept.path.fraction);
   message.set_leads_away(kept.path.whole && kept.path.at_start > leave_from &&
                          kept.path.distance >= kept.path.at_start - kSameDistance);
-  message.mutable_protective_distances()->Assign(kept.distances.begin(), kept.distances.end());
-  message.set_image_age(absl::ToDoubleSeconds(kept.image_age));
+  message.mutable_protective_distances()->Assign(now.distances.begin(), now.distances.end());
+  message.set_image_age(absl::ToDoubleSeconds(now.image_age));
 }
 
 }  // namespace

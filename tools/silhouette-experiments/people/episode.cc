@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "calib/robot/drawing/motion_check.h"
 #include "db/status/status_macros.h"
 #include "server/scene/make_scene.h"
 
@@ -65,7 +66,7 @@ class Episode {
         chance_(StreamOf(settings.seed, static_cast<uint64_t>(episode), 2)),
         robot_(
             stage.stations().front(),
-            [this](auto from, auto to) { return MovementOf(stage_.robot(), from, to); },
+            [this](auto from, auto to) { return GreatestDisplacement(stage_.robot(), from, to); },
             stage.rule().acceleration) {
     if (!settings.rendered || (!method.policy() && video == nullptr)) return;
     rendered_.emplace(stage.workplace(), stage.database(), people_.size(),
@@ -189,7 +190,7 @@ class Episode {
     return absl::OkStatus();
   }
 
-  bool AtGoal() const { return MovementOf(stage_.robot(), robot_.at(), Goal()) < kSamePlace; }
+  bool AtGoal() const { return robot_.MovementOf(robot_.at(), Goal()) < kSamePlace; }
 
   // Robot and people, until the next tick.
   void Move() {

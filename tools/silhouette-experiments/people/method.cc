@@ -145,7 +145,7 @@ class SpeedLevels : public Method {
     const auto kept = LevelsKeptAhead(
         now, [&](const std::vector<Configuration>& way) { return Along(now, way); });
     if (!kept) return {};
-    Note(now.time, kept->at_start);
+    Note(now.time, kept->path.at_start);
     const std::vector<SpeedLevel>& levels = rule().separation.levels;
     if (kept->count > 0) return {levels[kept->count - 1].speed};
     if (LeadsAway(now, now.robot.Ahead(kWayOut))) return {levels.front().speed, true};
@@ -197,24 +197,15 @@ class SpeedLevels : public Method {
   }
 
  private:
-  struct KeptLevels {
-    size_t count = 0;     // the slow ones first
-    double at_start = 0;  // metres
-  };
   // The levels that keep their distance from where the robot is until it stands, if it goes on at
   // them until the next decision. Nothing: not known.
   template <typename Distance>
   std::optional<KeptLevels> LevelsKeptAhead(const Situation& now, const Distance& along) const {
-    const std::vector<SpeedLevel>& levels = rule().separation.levels;
-    std::optional<PathDistance> way;
-    size_t kept = levels.size();
-    do {
-      const SpeedLevel& level = levels[kept - 1];
+    return LevelsKept(protective_, [&](size_t number) {
+      const SpeedLevel& level = rule().separation.levels[number];
       const double stops = std::max(level.stopping_distance, now.robot.StoppingDistance());
-      way = along(now.robot.Ahead(level.speed * rule().period + stops));
-      if (!way) return std::nullopt;
-    } while (way->distance < protective_[kept - 1] && --kept > 0);
-    return KeptLevels{kept, way->at_start};
+      return along(now.robot.Ahead(level.speed * rule().period + stops));
+    });
   }
   void Note(double time, double distance) {
     if (!noted_.empty() && noted_.back().time == time) noted_.pop_back();

@@ -30,15 +30,12 @@ struct SpeedRule {
   std::vector<double> ProtectiveDistances() const;
   // Radius that a curtain guards: who walks in reaches the robot after it stands.
   double Fence() const {
-    return reach + separation.human_speed * (period + StoppingTime(fastest()));
+    return reach + separation.human_speed * (period + fastest().stopping_time);
   }
   // The same for the slowest level.
   double InnerFence() const {
-    return reach + separation.human_speed * (period + StoppingTime(separation.levels.front()));
+    return reach + separation.human_speed * (period + separation.levels.front().stopping_time);
   }
-
- private:
-  double StoppingTime(const SpeedLevel& level) const { return level.speed / acceleration; }
 };
 
 // Four levels up to 1.2 m/s.

@@ -43,19 +43,6 @@ absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
                       workplace.TrueCalibration(), sizes, 0);
 }
 
-double MovementOf(const DrawnRobot& robot, std::span<const double> from,
-                  std::span<const double> to) {
-  double most = 0;
-  for (size_t part = 0; part < robot.parts().size(); ++part) {
-    double way = 0;
-    for (size_t joint = 0; joint < from.size(); ++joint) {
-      way += robot.Lever(part, joint) * std::abs(to[joint] - from[joint]);
-    }
-    most = std::max(most, way);
-  }
-  return most;
-}
-
 Truth::Truth(const SimulatedWorkplace& workplace, const DrawnRobot& robot, size_t people)
     : workplace_(workplace),
       robot_(robot),

@@ -21,10 +21,6 @@ using cell_experiment::SimulatedWorkplace;
 absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
                                      std::span<const MaskSize> sizes);
 
-// How far any point of the robot moves at most on a straight line in joint space, metres.
-double MovementOf(const DrawnRobot& robot, std::span<const double> from,
-                  std::span<const double> to);
-
 // Distances between robot and people at an instant. For one thread. Refers to its arguments.
 class Truth {
  public:

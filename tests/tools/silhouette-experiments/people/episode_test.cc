@@ -10,6 +10,7 @@
 #include <numbers>
 #include <vector>
 
+#include "calib/robot/drawing/motion_check.h"
 #include "tests/capture/session/program_cell.h"
 #include "tests/folders.h"
 #include "tools/silhouette-experiments/people/figures.h"
@@ -78,7 +79,7 @@ TEST_F(PeopleTest, TheRobotLeavesWhoStandsBesideItAndWaitsForWhoWalksToIt) {
   const double floor = workplace_->simulation().settings().room.lower.z();
   PathFollower robot(
       stage_->stations()[0],
-      [&](auto from, auto to) { return MovementOf(stage_->robot(), from, to); },
+      [&](auto from, auto to) { return GreatestDisplacement(stage_->robot(), from, to); },
       stage_->rule().acceleration);
   robot.Follow({stage_->stations()[0], stage_->stations()[1]});
   Truth truth(*workplace_, stage_->robot(), 1);
@@ -112,7 +113,7 @@ TEST(PeopleWithoutAGrid, WaysKeepTheirDistanceAndTheWayOutIsShort) {
   const JointSpace space{.grid = workplace.cell().grid, .limits_only = true};
   const SpeedRule rule = DefaultRule(1.5);
   const double least = rule.ProtectiveDistances().front();
-  const auto movement = [&](auto from, auto to) { return MovementOf(arm, from, to); };
+  const auto movement = [&](auto from, auto to) { return GreatestDisplacement(arm, from, to); };
   const Configuration start = {-1, -0.3, 1.2, 0, 0.5, 0};
   const Configuration goal = {1, -0.3, 1.2, 0, 0.5, 0};
   const PathFollower robot(start, movement, rule.acceleration);
