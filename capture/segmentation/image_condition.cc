@@ -112,6 +112,10 @@ Outline::Outline(const Reference& reference)
   }
 }
 
+bool Outline::tells_structure() const { return blocks_.size() >= kFewestOutlineBlocks; }
+
+bool Outline::tells_light() const { return cv::countNonZero(known_) > 0; }
+
 // An image beside an outline.
 class OutlineComparison {
  public:
@@ -127,7 +131,6 @@ class OutlineComparison {
   }
 
   double gain() const { return gain_; }
-  bool tells() const { return outline_.blocks_.size() >= kFewestOutlineBlocks; }
 
   // ImageCondition::structure of all blocks, if the image's structure lies `by` further to the
   // right and down.
@@ -291,7 +294,7 @@ ImageCondition ConditionOf(const cv::Mat& image, const cv::Mat& foreground,
   condition.gain = comparison.gain();
   condition.saturated =
       cv::countNonZero(small >= Reference::kSaturated) / static_cast<double>(small.total());
-  if (!comparison.tells()) return condition;
+  if (!own.tells_structure()) return condition;
   const double all = comparison.Structure();
   condition.structure = comparison.VisibleStructure(foreground).value_or(all);
   condition.shift = own.scale() * comparison.Shift();
@@ -300,7 +303,7 @@ ImageCondition ConditionOf(const cv::Mat& image, const cv::Mat& foreground,
   for (size_t other = 0; other < outlines.size(); ++other) {
     if (other == view || !OutlineComparison::Fits(image, outlines[other])) continue;
     const OutlineComparison with(small, outlines[other]);
-    const double structure = with.tells() ? with.Structure() : 0;
+    const double structure = outlines[other].tells_structure() ? with.Structure() : 0;
     if (structure < most) continue;
     most = structure;
     condition.other = other;

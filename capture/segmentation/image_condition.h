@@ -24,6 +24,10 @@ class Outline {
 
   // Camera pixels per pixel.
   int scale() const { return scale_; }
+  // Whether an image beside it tells of its structure and place; of its light. Not if the reference
+  // is too plain; if it is dark, saturated or undefined everywhere.
+  bool tells_structure() const;
+  bool tells_light() const;
 
  private:
   friend class OutlineComparison;

@@ -207,11 +207,35 @@ void LogVariant(const ServedDatabase& variant, const std::string& title, const s
        absl::StrCat("with a robot image that was captured with a fixed joint elsewhere, as ",
                     variant.elsewhere(),
                     ": unknown until captured again; 'silhouette-db verify' lists them"));
+  warn(RobotImageState::kSuspect,
+       "with a robot image that was captured while the cell may have changed: unknown until "
+       "captured again with 'silhouette-capture run --only suspect'");
   if (const uint64_t without = TilesWithoutIndex(variant); without > 0) {
     spdlog::warn(
         "{}{} of {} without a collision index that matches the robot images: the configuration "
         "space takes longer; run 'silhouette-db index {}' and reload",
         of, without, Counted(variant.grid().tiles(), "tile"), path);
+  }
+}
+
+// Of the views whose reference tells too little of light or structure to check images by it.
+void LogUnchecked(const ServedDatabase& database) {
+  for (size_t view = 0; view < database.outlines().size(); ++view) {
+    const Outline& outline = database.outlines()[view];
+    const std::string& name = database.view_name(static_cast<int>(view));
+    if (!outline.tells_light()) {
+      spdlog::warn(
+          "view '{}': its reference is dark or saturated everywhere, so that neither a change of "
+          "light nor a covered or moved camera is noticed; correct the exposure or the light, and "
+          "capture references and robot images again",
+          name);
+    } else if (!outline.tells_structure()) {
+      spdlog::warn(
+          "view '{}': its reference is too plain to notice that the camera moved, is covered or "
+          "exchanged; put something with edges where it looks, such as posters, and capture "
+          "references and robot images again",
+          name);
+    }
   }
 }
 
@@ -228,6 +252,7 @@ void LogLoaded(const ServedDatabase& database, const std::string& path) {
   if (!database.has_references()) {
     spdlog::warn("no reference images: camera images are refused, scene masks are accepted");
   }
+  LogUnchecked(database);
   if (database.bands() == nullptr) {
     spdlog::info("no calibration: unknown and error pixels are not resolved");
   }

@@ -139,6 +139,19 @@ TEST_F(ImageConditionTest, PlainCellSaysNothingOfStructure) {
   EXPECT_NEAR(condition.gain, 0.5, 0.02);
 }
 
+TEST_F(ImageConditionTest, ReferenceSaysWhatImagesBesideItTell) {
+  EXPECT_TRUE(outlines[0].tells_structure());
+  EXPECT_TRUE(outlines[0].tells_light());
+  const auto outline_of = [this](double level) {
+    const cv::Mat plain(kConditionSize, CV_64FC1, cv::Scalar(level));
+    return Outline(Reference::FromImages(ExposeSeries(plain, 10, kConditionSigma, chance)));
+  };
+  EXPECT_FALSE(outline_of(100).tells_structure());
+  EXPECT_TRUE(outline_of(100).tells_light());
+  EXPECT_FALSE(outline_of(4).tells_light());
+  EXPECT_FALSE(outline_of(255).tells_light());
+}
+
 TEST_F(ImageConditionTest, ColourImagesAndUndefinedPixelsAreTaken) {
   cv::Mat colour;
   cv::cvtColor(Expose(CellOfView(0), 1, kConditionSigma, chance), colour, cv::COLOR_GRAY2BGR);

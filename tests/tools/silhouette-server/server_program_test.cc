@@ -134,6 +134,24 @@ TEST_F(ServerProgramTest, StepsOfTheGridAreWarnedOfWhereRobotImagesAreCapturedAn
   }
 }
 
+TEST_F(ServerProgramTest, DistancesOfAModelThatMayLackSomethingAreWarnedOf) {
+  for (const bool whole : {false, true}) {
+    std::filesystem::remove_all(folder / "with-cameras");
+    GiveModelAndCameras("", absl::StrCat("sound: {least_obstacle: 0.5, voxel_edge: 0.4, "
+                                         "whole_model: ",
+                                         whole ? "true" : "false",
+                                         "}\n"
+                                         "separation: {levels: [{name: slow, speed: 0.25, "
+                                         "stopping_time: 0.1, stopping_distance: 0.02}]}\n"));
+    ServerProgram program(folder,
+                          {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+    EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+    const std::string said = program.Errors();
+    EXPECT_THAT(said, HasSubstr("distances to people: up to "));
+    EXPECT_EQ(said.find("state 'sound: whole_model: true'") == std::string::npos, whole) << said;
+  }
+}
+
 TEST_F(ServerProgramTest, WarnsOfImagesThatMayBeOldOrFarApart) {
   WriteFile(cell, std::string(kServerTestCellFile) + "server: {max_age: 500, max_skew: 50}\n");
   ServerProgram program(folder,
