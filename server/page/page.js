@@ -109,6 +109,7 @@ function connect() {
     opened.close();
     if (opened !== source) return;
     connected = false;
+    ahead = -Infinity;  // the server's computer may start anew, and its clock
     draw();
     setTimeout(() => { if (opened === source) connect(); }, 500);
   };
@@ -247,13 +248,27 @@ function drawMap(shown, known) {
   const step = (joint) => (joint.upper - joint.lower) / Math.max(1, joint.continuous ? joint.steps : joint.steps - 1);
   const px = (v) => ((v - jx.lower) / (step(jx) || 1) + 0.5) / jx.steps * inner;
   const py = (v) => flat ? high / 2 : high - ((v - jy.lower) / (step(jy) || 1) + 0.5) / rows * high;
+  // A continuous joint's value may be whole turns beyond the map.
+  const turnOf = (joint, v) => joint.continuous ? Math.floor((v - joint.lower) / (joint.upper - joint.lower) + 0.5 / joint.steps) : 0;
+  const back = (joint, v, turn = turnOf(joint, v)) => turn ? v - turn * (joint.upper - joint.lower) : v;
+  const place = (q) => [px(back(jx, q[space.x])), py(back(jy, q[space.y]))];
   ticks(context, space, joints, px, py, inner, high);
   context.beginPath();
   context.rect(0, 0, inner, high);
   context.clip();
   for (const path of paths) {
     context.beginPath();
-    path.waypoints.forEach((q, i) => context[i ? "lineTo" : "moveTo"](px(q[space.x]), py(q[space.y])));
+    const turns = (joint, j) => {
+      const of = path.waypoints.map((q) => turnOf(joint, q[j]));
+      const least = Math.min(...of);
+      return Array.from({ length: Math.max(...of) - least + 1 }, (_, i) => least + i);
+    };
+    // Once for each turn that it touches: the clipped copies join at the map's borders.
+    for (const tx of turns(jx, space.x)) {
+      for (const ty of turns(jy, space.y)) {
+        path.waypoints.forEach((q, i) => context[i ? "lineTo" : "moveTo"](px(back(jx, q[space.x], tx)), py(back(jy, q[space.y], ty))));
+      }
+    }
     for (const [colour, width] of [["#fff", 5], [rgb(COLOURS.robot), 2.5]]) {
       context.strokeStyle = colour;
       context.lineWidth = width;
@@ -261,11 +276,12 @@ function drawMap(shown, known) {
     }
     const q = path.check && path.check.configuration ? path.check.configuration.positions : [];
     if (!known || path.state !== "occupied" || q.length !== joints.length) continue;
-    cross(context, px(q[space.x]), py(q[space.y]));
+    cross(context, ...place(q));
   }
   context.restore();
   if (present) {
-    ring(context, MARGIN.left + px(present.configuration[space.x]), MARGIN.top + py(present.configuration[space.y]));
+    const [x, y] = place(present.configuration);
+    ring(context, MARGIN.left + x, MARGIN.top + y);
   }
   const any = joints.filter(standsForAny).map((joint) => joint.name).join(", ");
   text($("cells-note"), any && `A cell is free, or occupied, whatever these joints do: ${any}. Otherwise it is unknown.`);

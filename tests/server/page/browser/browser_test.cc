@@ -137,6 +137,29 @@ TEST_F(BrowserTest, AWatchedPathIsShownWithItsVerdict) {
   EXPECT_TRUE(Shows("#paths", HasSubstr("No client watches a path")));
 }
 
+TEST_F(BrowserTest, ContinuousJointsAreDrawnWithinTheirTurn) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  EXPECT_EQ(browser->Run(R"(
+          const shown = structuredClone(snapshot);
+          const joint = shown.database.grid.joints[0];
+          joint.continuous = true;
+          const turn = joint.upper - joint.lower;
+          const map = document.getElementById('map');
+          const drawn = (at, path) => {
+            shown.present.configuration[0] = at;
+            shown.paths = [{ waypoints: path.map((q) => [q, 0]), state: 'free' }];
+            drawMap(shown, true);
+            return map.toDataURL();
+          };
+          const within = drawn(joint.lower, [joint.lower + 0.7 * turn, joint.lower + 0.9 * turn]);
+          const beyond = drawn(joint.lower - 3 * turn, [joint.lower - 0.3 * turn, joint.lower - 0.1 * turn]);
+          const across = drawn(joint.lower, [joint.lower + 0.7 * turn, joint.lower + 1.2 * turn]);
+          const back = drawn(joint.lower, [joint.lower - 0.3 * turn, joint.lower + 0.2 * turn]);
+          return [beyond === within, across === back, across === within].join();)"),
+            "true,true,false");
+}
+
 TEST_F(BrowserTest, ALostCameraAppearsWithinASecond) {
   auto scenes = std::make_unique<Scenes>(test, SceneWithBlock(2));
   ASSERT_TRUE(Shows("#status", std::string("Serving")));
