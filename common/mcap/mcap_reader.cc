@@ -63,6 +63,15 @@ bool CanBeChunk(std::string_view bytes, uint64_t left) {
          fields.Take<uint64_t>() == length - (kChunkHead - mcap::kRecordHead);
 }
 
+// It is skipped: a damaged length would skip chunks, too.
+absl::Status CheckMessageIndex(std::string_view content) {
+  Fields fields(content);
+  fields.Take<uint16_t>();  // channel
+  fields.TakeBytes(fields.Take<uint32_t>());
+  return fields.failed() || !fields.rest().empty() ? Fault("a message index is damaged")
+                                                   : absl::OkStatus();
+}
+
 uint32_t CrcOf(std::string_view bytes) {
   return static_cast<uint32_t>(
       crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
@@ -211,6 +220,9 @@ absl::StatusOr<std::optional<McapReader::Message>> McapReader::TakeWhole(Op op) 
     case Op::kChunk:
       status = TakeChunk(bytes_);
       break;
+    case Op::kMessageIndex:
+      status = CheckMessageIndex(bytes_);
+      break;
     case Op::kDataEnd:
       data_ended_ = true;
       break;
@@ -335,7 +347,9 @@ absl::Status McapReader::TakeChunk(std::string_view content) {
   const auto crc = fields.Take<uint32_t>();
   const std::string_view compression = fields.TakeText();
   const std::string_view records = fields.TakeBytes(fields.Take<uint64_t>());
-  if (fields.failed() || size > kMostChunkBytes) return Fault("a chunk's head is damaged");
+  if (fields.failed() || !fields.rest().empty() || size > kMostChunkBytes) {
+    return Fault("a chunk's head is damaged");
+  }
   if (compression.empty()) {
     chunk_ = records;
   } else if (compression == kLz4) {
