@@ -232,7 +232,7 @@ absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::
 
 // --stream: configurations from standard input, answered one by one as they come. One line of
 // output for each line with a configuration, in their order. kDone if all are free, and there is
-// one; ends with Ctrl-C (kStopped), or with the first line that is no configuration.
+// one; ends with Ctrl-C, or with the first line that is no configuration.
 absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
@@ -249,7 +249,7 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   printer.join();
   RETURN_IF_ERROR(outcome.status);
   RETURN_IF_ERROR(mistake);
-  if (StopRequested()) return kStopped;
+  if (outcome.answers == 0 && StopRequested()) return kStopped;
   if (outcome.answers == 0) {
     return absl::InvalidArgumentError(
         "standard input has no configuration; give one on each line, as the program before the "
