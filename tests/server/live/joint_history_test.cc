@@ -59,7 +59,8 @@ TEST_F(JointHistoryTest, FullTurnsOfAContinuousJointAreNoMovement) {
   Told(20, 1, -std::numbers::pi + 0.001);
   const auto joints = Between(15, 16);
   ASSERT_TRUE(joints.ok()) << joints.status();
-  EXPECT_NEAR(std::remainder((*joints)[1].middle - std::numbers::pi, 2 * std::numbers::pi), 0, 1e-12);
+  EXPECT_NEAR(std::remainder((*joints)[1].middle - std::numbers::pi, 2 * std::numbers::pi), 0,
+              1e-12);
 }
 
 TEST_F(JointHistoryTest, AnswerThatWasUnderWayCountsNeitherBeforeNorAfter) {
