@@ -157,7 +157,7 @@ absl::Status Sentinels::ReadFirsts(const Snapshot& snapshot,
     if (planned.contains(number) && !compare_planned) continue;
     const auto image = snapshot.Find(number);
     if (!image.ok() || !image->has_value() || (*image)->excluded) continue;
-    if (planned.contains(number) && (*image)->captured <= to_be_replaced) continue;
+    if ((*image)->captured <= to_be_replaced) continue;
     First first;
     first.measured = (*image)->measured;
     first.captured = (*image)->captured;
@@ -353,7 +353,8 @@ absl::StatusOr<bool> Sentinels::Unchecked() const {
   ASSIGN_OR_RETURN(const auto snapshot, parts_->database->Read());
   ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   ASSIGN_OR_RETURN(const absl::Time latest, LatestCapture(snapshot));
-  return LastGoodCheck(history) < latest;
+  const absl::Time good = LastGoodCheck(history);
+  return good < latest || good > absl::Now();  // the clock ran ahead then, or is behind now
 }
 
 absl::StatusOr<storage::v1::SuspectSpan> Sentinels::SpanSinceGood(const std::string& why) const {

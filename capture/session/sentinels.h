@@ -74,7 +74,8 @@ class Sentinels {
   // Whether it could visit none the last time.
   bool none_visited() const { return none_visited_; }
 
-  // Whether robot images are stored that were captured after the last check that found nothing.
+  // Whether robot images are stored that were captured after the last check that found nothing, or
+  // may have been: it lies in the future.
   absl::StatusOr<bool> Unchecked() const;
 
   // Somebody goes on although they do not match: what is captured until EndGoingOn() is suspect,
@@ -102,8 +103,8 @@ class Sentinels {
   absl::Status Suspect(const std::string& why);
   // Keeps it in the database.
   absl::Status Keep(storage::v1::SentinelCheck check);
-  // Of those that are `planned` only with `compare_planned`, and unless `history` says that they
-  // are to be replaced.
+  // Of those that are `planned` only with `compare_planned`, and of none that `history` says is to
+  // be replaced.
   absl::Status ReadFirsts(const Snapshot& snapshot, const storage::v1::CaptureHistory& history,
                           const std::set<ConfigurationNumber>& planned, bool compare_planned);
   std::vector<SentinelImage> Look(const Visit& visit) const;

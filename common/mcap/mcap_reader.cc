@@ -63,7 +63,8 @@ bool CanBeChunk(std::string_view bytes, uint64_t left) {
          fields.Take<uint64_t>() == length - (kChunkHead - mcap::kRecordHead);
 }
 
-// It is skipped: a damaged length would skip chunks, too.
+// It is skipped: a damaged length would skip chunks, too. Fields that a later version of the format
+// might append count as damage.
 absl::Status CheckMessageIndex(std::string_view content) {
   Fields fields(content);
   fields.Take<uint16_t>();  // channel

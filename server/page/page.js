@@ -109,7 +109,7 @@ function connect() {
     opened.close();
     if (opened !== source) return;
     connected = false;
-    ahead = -Infinity;  // the server's computer may start anew, and its clock
+    ahead = -Infinity;  // if the server's computer restarts, its clock does
     draw();
     setTimeout(() => { if (opened === source) connect(); }, 500);
   };

@@ -128,7 +128,8 @@ void TellSuspects(const RunOptions& options, const CaptureReport& report) {
   if (report.suspect == 0) return;
   std::cerr << report.suspect
             << " robot images are suspect: the cell may have changed, or 'run --only all' did not "
-               "come to them; when the cell is as it should be, recapture them with: "
+               "recapture them; a server that loads the database again (SIGHUP) calls them "
+               "unknown; when the cell is as it should be, recapture them with: "
             << options.cell.Command("run") << " --only suspect" << std::endl;
 }
 
@@ -304,7 +305,7 @@ void AddRun(CLI::App& app, Work& work) {
           "--only", options->plan.only,
           "What to capture. missing: what has no mask yet. The others add to that:\n"
           "outliers, what is damaged, empty or unlike its neighbours; suspect, what was captured\n"
-          "while the cell may have changed, and what an 'all' that ended early did not come to;\n"
+          "while the cell may have changed, or left by an 'all' that ended early;\n"
           "17,4711, these configurations; all, everything again.\n"
           "sentinels: capture nothing, only check the control configurations (sentinels)")
       ->check(CLI::Validator([](const std::string& only) { return CheckOnly(only); }, ""))

@@ -68,17 +68,17 @@ absl::StatusOr<std::vector<Configuration>> SearchByOmpl(const Session& session,
                                                         const Configuration& goal) {
   ompl::msg::setLogLevel(ompl::msg::LOG_ERROR);
   const LocalSpace space(client, {.policy = session.policy, .max_age = absl::InfiniteDuration()});
+  ASSIGN_OR_RETURN(auto snapshot, UsableSnapshot(space));
   const ob::PlannerTerminationCondition late =
       ob::plannerOrTerminationCondition(ob::timedPlannerTerminationCondition(kLongestSearch),
                                         ob::PlannerTerminationCondition(StopRequested));
   std::vector<Configuration> way;
-  bool again = true;
-  while (again) {
-    ASSIGN_OR_RETURN(const auto snapshot, UsableSnapshot(space));
+  while (true) {
     const auto si = client::MakeSpaceInformation(snapshot, {.ask = &space});
     const auto changed = client::UntilSceneChanges(space, snapshot, {start, goal});
     way = WayByOmpl(planner, si, start, goal, ob::plannerOrTerminationCondition(late, changed));
-    again = way.empty() && changed() && !late();
+    if (!way.empty() || !changed() || late()) break;
+    ASSIGN_OR_RETURN(snapshot, UsableSnapshot(space));
   }
   if (StopRequested()) return absl::AbortedError("stopped");
   return way;

@@ -437,6 +437,8 @@ TEST_F(AllAgainTest, ThatEndsEarlyLeavesTheOthersSuspectUntilTheyAreCaptured) {
   EXPECT_EQ(begun.captured, 10u);
   EXPECT_EQ(begun.suspect, 20u);
   observer_.stop_requested = [] { return false; };
+  const CaptureReport alone = cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_);
+  EXPECT_EQ(alone.alarm, "") << "those that are to be replaced count no more";
   // The sentinels are compared as they look since then.
   const CaptureReport rest = CaptureSuspects();
   EXPECT_TRUE(rest.complete()) << rest.status << rest.alarm;
