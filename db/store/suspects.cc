@@ -11,7 +11,9 @@ absl::Time TimeOf(const google::protobuf::Timestamp& stamp) {
 
 SuspectSpans::SuspectSpans(const storage::v1::CaptureHistory& history) {
   for (const storage::v1::SuspectSpan& span : history.suspects()) {
-    spans_.emplace_back(TimeOf(span.after()), TimeOf(span.until()));
+    const absl::Time after = TimeOf(span.after());
+    spans_.emplace_back(after > absl::UnixEpoch() ? after : absl::InfinitePast(),
+                        TimeOf(span.until()));
   }
 }
 

@@ -13,7 +13,8 @@ namespace silhouette {
 absl::Time TimeOf(const google::protobuf::Timestamp& stamp);
 
 // The spans of time in which a cell may have changed, by what its sessions noticed. A robot image
-// captured in one of them is suspect until it is captured again. Cannot be changed once made.
+// captured in one of them is suspect until it is captured again. A span from 1970 on has no
+// beginning: imported images may have that time, for none. Cannot be changed once made.
 class SuspectSpans {
  public:
   explicit SuspectSpans(const storage::v1::CaptureHistory& history);

@@ -2,6 +2,7 @@
 // Robot images that were captured while the cell may have changed.
 #include <gmock/gmock.h>
 
+#include "db/store/suspects.h"
 #include "server/scene/checker.h"
 #include "server/scene/configuration_space.h"
 #include "tests/server/test_cell.h"
@@ -70,6 +71,17 @@ TEST_P(SuspectImagesTest, TellNothingOfASceneInWhichTheRobotIsThere) {
   EXPECT_THAT(checker.served().scene->defects,
               ElementsAre(::testing::Field(&SceneDefect::message,
                                            HasSubstr("while the cell may have changed"))));
+}
+
+TEST(SuspectSpans, FromTheBeginningHoldImagesWithoutATime) {
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(0);
+  span.mutable_until()->set_seconds(200);
+  const SuspectSpans spans(history);
+  EXPECT_TRUE(spans.Contain(RobotImage().captured));
+  EXPECT_TRUE(spans.Contain(absl::FromUnixSeconds(200)));
+  EXPECT_FALSE(spans.Contain(absl::FromUnixSeconds(201)));
 }
 
 INSTANTIATE_TEST_SUITE_P(InMemoryAndInPlace, SuspectImagesTest, ::testing::Bool());
