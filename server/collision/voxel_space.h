@@ -108,7 +108,7 @@ class VoxelSpace {
   // `workspace`: holds every point that the robot ever reaches. `least_obstacle`: rho, the radius
   // of the balls that every obstacle is a union of. `edge`: of the voxels; nothing: a third of rho.
   // Throws std::invalid_argument if there is no view or more than kMostViews, a length is not
-  // positive, a mask or margin cannot be, the masks are too large for so many voxels, or as
+  // positive, a mask or margin is invalid, the masks are too large for this many voxels, or as
   // VoxelGrid does.
   VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstacle,
              std::vector<VoxelView> views, std::optional<double> edge = std::nullopt);

@@ -18,8 +18,8 @@ using testing::HasSubstr;
 constexpr int kScale = 16;  // images are drawn so much larger, to shift by parts of pixels
 const ViewSizes kSizes{.image = {320, 240}, .mask = {64, 64}};
 
-// An arm of two links before a grey room, the image turned by so many radians about the arm's
-// middle, clockwise, and shifted by so many pixels.
+// An arm of two links before a grey room. The image is turned about the arm's middle by `turn`
+// radians, clockwise, and shifted by (dx, dy) pixels.
 cv::Mat Image(double dx, double dy, bool robot, uint64_t seed, double turn = 0) {
   cv::Mat large(240 * kScale, 320 * kScale, CV_8U, cv::Scalar(90));
   const Eigen::Vector2d middle(180, 140);
