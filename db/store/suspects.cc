@@ -22,4 +22,11 @@ bool SuspectSpans::Contain(absl::Time captured) const {
       spans_, [&](const auto& span) { return captured > span.first && captured <= span.second; });
 }
 
+SuspectSpans SuspectSpans::Until(absl::Time last) const {
+  SuspectSpans until = *this;
+  std::erase_if(until.spans_, [&](const auto& span) { return span.first >= last; });
+  for (auto& [after, end] : until.spans_) end = std::min(end, last);
+  return until;
+}
+
 }  // namespace silhouette

@@ -17,10 +17,16 @@ absl::Time TimeOf(const google::protobuf::Timestamp& stamp);
 // beginning: imported images may have that time, for none. Cannot be changed once made.
 class SuspectSpans {
  public:
+  SuspectSpans() = default;
   explicit SuspectSpans(const storage::v1::CaptureHistory& history);
 
   bool empty() const { return spans_.empty(); }
   bool Contain(absl::Time captured) const;
+
+  // As far as they hold images that were captured until `last`.
+  SuspectSpans Until(absl::Time last) const;
+
+  bool operator==(const SuspectSpans&) const = default;
 
  private:
   std::vector<std::pair<absl::Time, absl::Time>> spans_;  // after the first, up to the second

@@ -19,6 +19,7 @@
 #include "db/store/schema.h"
 #include "db/store/shards.h"
 #include "db/store/suspects.h"
+#include "db/store/writer_lock.h"
 
 namespace silhouette {
 namespace {
@@ -29,10 +30,12 @@ struct CaptureOfVariant {
   double tolerance = 0;
   std::string elsewhere;  // ServedDatabase::elsewhere()
   SuspectSpans suspects;
+  absl::Time newest = absl::InfinitePast();  // when the latest was captured
 };
 
 void AddImage(const MetRecord& record, CaptureOfVariant& capture,
               RobotImageTable::Builder& builder) {
+  capture.newest = std::max(capture.newest, record.captured);
   if (capture.suspects.Contain(record.captured)) {
     return builder.AddWithout(record.number, RobotImageState::kSuspect);
   }
@@ -351,6 +354,8 @@ absl::StatusOr<std::shared_ptr<ServedDatabase>> ServedDatabase::LoadVariant(
       new ServedDatabase(database.variant(), common, std::move(robot_images),
                          std::move(capture.elsewhere), std::move(index), std::move(sound_basis)));
   served->unverified_ = std::move(unverified);
+  served->suspects_ = capture.suspects.Until(capture.newest);
+  served->newest_ = capture.newest;
   served->index_unused_ = std::move(index_unused);
   served->separation_ = std::move(separation);
   return served;
@@ -397,6 +402,9 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
                        LoadVariant(*variant.database,
                                    std::make_shared<const Snapshot>(std::move(variant.snapshot)),
                                    common, settings, sound, left));
+      if (!load.drawn && !ReadersKeepWritersOut(database.path())) {
+        served->file_ = std::move(variant.database);
+      }
       if (whole == nullptr) {
         whole = std::move(served);
       } else {
@@ -407,6 +415,19 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServedDatabase::Load(
   } catch (const std::invalid_argument& error) {
     return absl::InvalidArgumentError(absl::StrCat("'", database.path(), "': ", error.what()));
   }
+}
+
+absl::StatusOr<bool> ServedDatabase::SuspectsChanged() const {
+  if (file_ != nullptr) {
+    ASSIGN_OR_RETURN(const Snapshot snapshot, file_->Read());
+    ASSIGN_OR_RETURN(const storage::v1::CaptureHistory history, snapshot.CaptureHistory());
+    if (SuspectSpans(history).Until(newest_) != suspects_) return true;
+  }
+  for (const auto& [name, variant] : other_variants_) {
+    ASSIGN_OR_RETURN(const bool changed, variant->SuspectsChanged());
+    if (changed) return true;
+  }
+  return false;
 }
 
 std::vector<std::string> ServedDatabase::variants() const {

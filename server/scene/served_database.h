@@ -25,6 +25,7 @@
 #include "db/store/collision_index.h"
 #include "db/store/fixed_joints.h"
 #include "db/store/store.h"
+#include "db/store/suspects.h"
 #include "server/collision/epipolar_bands.h"
 #include "server/collision/policy.h"
 #include "server/collision/robot_image_table.h"
@@ -142,6 +143,11 @@ class ServedDatabase {
   // (FixedJointRanges::Elsewhere); empty: all are used.
   const std::string& elsewhere() const { return elsewhere_; }
 
+  // Whether capture sessions changed, of any variant, which of the loaded robot images are suspect.
+  // Reads the database's file. Not where robot images are drawn, nor where its being open keeps
+  // writers out (ReadersKeepWritersOut). Unavailable and other errors of Database::Read.
+  absl::StatusOr<bool> SuspectsChanged() const;
+
   // The collision index; null if there is none that can be used. It lies in the file of the
   // database, of which it holds one state (db/store/collision_index.h). The configurations of a
   // tile that it lacks are tested one by one. Of drawn images only if they are those of the very
@@ -240,6 +246,9 @@ class ServedDatabase {
   std::shared_ptr<DatabaseDamage> damage_;
   std::shared_ptr<const FixedJointRanges> fixed_joints_;
   std::string elsewhere_;
+  std::unique_ptr<const Database> file_;  // null: not watched
+  SuspectSpans suspects_;                 // as far as they concern what was loaded
+  absl::Time newest_ = absl::InfinitePast();
   std::shared_ptr<const CollisionIndex> index_;
   std::shared_ptr<const CollisionIndex> own_index_;
   std::shared_ptr<const CollisionIndex> reach_index_;

@@ -128,8 +128,8 @@ void TellSuspects(const RunOptions& options, const CaptureReport& report) {
   if (report.suspect == 0) return;
   std::cerr << report.suspect
             << " robot images are suspect: the cell may have changed, or 'run --only all' did not "
-               "recapture them; a server that loads the database again (SIGHUP) calls them "
-               "unknown; when the cell is as it should be, recapture them with: "
+               "recapture them; a server calls them unknown; when the cell is as it should be, "
+               "recapture them with: "
             << options.cell.Command("run") << " --only suspect" << std::endl;
 }
 

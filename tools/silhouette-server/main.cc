@@ -98,7 +98,14 @@ class Signals {
     loading_ = false;
   }
 
-  // Waits. True: SIGHUP came, once or more often; false: the program is to end.
+  // As SIGHUP does.
+  void AskForReload() {
+    const std::lock_guard lock(mutex_);
+    reloading_ = true;
+    changed_.notify_all();
+  }
+
+  // Waits. True: a reload was asked for, once or more often; false: the program is to end.
   bool WaitForReload() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return ending_ || reloading_; });
@@ -202,6 +209,32 @@ void ShowLife(const std::stop_token& stop, Server& server) {
   std::unique_lock lock(mutex);
   while (!stopped.wait_for(lock, stop, period, [&stop] { return stop.stop_requested(); })) {
     server.RunWhereScenesAreTaken([] { sd_notify(0, "WATCHDOG=1"); });
+  }
+}
+
+// Has the database loaded again when a capture session changes which robot images are suspect.
+// Nothing is free until then.
+void WatchSuspects(const std::stop_token& stop, Server& server, Signals& signals) {
+  constexpr std::chrono::seconds kPeriod{1};
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  std::unique_lock lock(mutex);
+  std::string fault;
+  while (!stopped.wait_for(lock, stop, kPeriod, [&stop] { return stop.stop_requested(); })) {
+    const std::shared_ptr<const ServedDatabase> database = server.database();
+    if (database->damage().found()) continue;
+    const absl::StatusOr<bool> changed = database->SuspectsChanged();
+    if (changed.ok() && *changed) {
+      const std::string what =
+          "a capture session changed which robot images are suspect; loading the database again";
+      spdlog::warn("nothing is free: {}", what);
+      database->damage().Note(what);
+      signals.AskForReload();
+    }
+    if (std::string now(changed.status().message()); now != fault) {
+      fault = std::move(now);
+      if (!fault.empty()) spdlog::error("suspect robot images are not noticed: {}", fault);
+    }
   }
 }
 
@@ -400,6 +433,9 @@ absl::Status Serve(const Options& options, Signals& signals) {
   sd_notify(0, "READY=1");
   {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
+    const std::jthread suspects([&server, &signals](const std::stop_token& stop) {
+      WatchSuspects(stop, *server, signals);
+    });
     while (signals.WaitForReload()) {
       ReportCertificates(cell);
       ReportChangedCell(options.cell, cell_text);

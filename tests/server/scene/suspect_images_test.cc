@@ -15,9 +15,18 @@ using ::testing::HasSubstr;
 
 const Moment kSuspectImagesNow{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
 
+// In place of the spans that there are.
+void SetSuspectSpan(const std::string& path, int64_t after, int64_t until) {
+  const auto database = Database::Open(path, Database::Access::kWrite);
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(after);
+  span.mutable_until()->set_seconds(until);
+  EXPECT_TRUE((*database)->SetCaptureHistory(history).ok());
+}
+
 // The image of grid point (2, 7) is suspect, that of (3, 7) captured right after the span.
-std::string MakeSuspectDatabase() {
-  const std::string path = FreshFolder() / "db";
+std::string MakeSuspectDatabase(const std::string& path = FreshFolder() / "db") {
   MakeDatabase(path);
   {
     const auto database = Database::Open(path, Database::Access::kWrite);
@@ -28,19 +37,16 @@ std::string MakeSuspectDatabase() {
       EXPECT_TRUE(writer->Put(image, /*replace=*/true).ok());
     }
     EXPECT_TRUE(writer->Commit().ok());
-    storage::v1::CaptureHistory history;
-    storage::v1::SuspectSpan& span = *history.add_suspects();
-    span.mutable_after()->set_seconds(100);
-    span.mutable_until()->set_seconds(200);
-    EXPECT_TRUE((*database)->SetCaptureHistory(history).ok());
   }
+  SetSuspectSpan(path, 100, 200);
   BuildIndex(path);
   return path;
 }
 
 struct SuspectImagesTest : ::testing::TestWithParam<bool> {
+  const std::string path = MakeSuspectDatabase();
   std::shared_ptr<const ServedDatabase> database =
-      LoadDatabase(MakeSuspectDatabase(), {.margin = 0}, {},
+      LoadDatabase(path, {.margin = 0}, {},
                    GetParam() ? LoadSettings{} : LoadSettings{.robot_image_memory = 0});
 
   Checker CheckerOf(const SceneInput& input) const {
@@ -71,6 +77,38 @@ TEST_P(SuspectImagesTest, TellNothingOfASceneInWhichTheRobotIsThere) {
   EXPECT_THAT(checker.served().scene->defects,
               ElementsAre(::testing::Field(&SceneDefect::message,
                                            HasSubstr("while the cell may have changed"))));
+}
+
+TEST_P(SuspectImagesTest, AreNoticedWhenASessionChangesThem) {
+  EXPECT_FALSE(*database->SuspectsChanged());
+  SetSuspectSpan(path, 100, 201);
+  EXPECT_TRUE(*database->SuspectsChanged()) << "more";
+  SetSuspectSpan(path, 300, 400);
+  EXPECT_TRUE(*database->SuspectsChanged()) << "none";
+  SetSuspectSpan(path, 100, 200);
+  EXPECT_FALSE(*database->SuspectsChanged()) << "the same";
+}
+
+TEST(SuspectImages, AreNoticedInEveryVariantAndOnlyIfTheyAreLoaded) {
+  const std::string path = FreshFolder() / "db";
+  MakeDatabase(path);
+  const auto whole = Database::Open(path, Database::Access::kWrite);
+  const auto closed = (*whole)->CreateVariant("closed", "test");
+  auto writer = (*closed)->Write("test");
+  RobotImage image = TestRobotImage((*closed)->grid(), 2, 7);
+  image.captured = absl::FromUnixSeconds(200);
+  EXPECT_TRUE(writer->Put(image).ok());
+  EXPECT_TRUE(writer->Commit().ok());
+  const auto served = LoadDatabase(path);
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(200);
+  span.mutable_until()->set_seconds(300);
+  EXPECT_TRUE((*closed)->SetCaptureHistory(history).ok());
+  EXPECT_FALSE(*served->SuspectsChanged()) << "captured after what is loaded";
+  span.mutable_after()->set_seconds(199);
+  EXPECT_TRUE((*closed)->SetCaptureHistory(history).ok());
+  EXPECT_TRUE(*served->SuspectsChanged());
 }
 
 TEST(SuspectSpans, FromTheBeginningHoldImagesWithoutATime) {

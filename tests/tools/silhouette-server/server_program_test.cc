@@ -230,6 +230,28 @@ TEST_F(ServerProgramTest, SighupReadsTheDatabaseAnew) {
   EXPECT_EQ(DatabaseAt(address).captured(), 40u);
 }
 
+TEST_F(ServerProgramTest, SuspectImagesAreUnknownWithoutAReloadBeingAskedFor) {
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  program.Address();
+  storage::v1::CaptureHistory history;
+  const auto log_after = [&](size_t reloads) {
+    EXPECT_TRUE(
+        (*Database::Open(database, Database::Access::kWrite))->SetCaptureHistory(history).ok());
+    std::vector<std::string> parts;
+    for (int i = 0; i < 1000 && parts.size() <= reloads; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      parts = absl::StrSplit(program.Errors(), "reloaded; ");
+    }
+    return parts.size() > reloads ? parts[reloads - 1] : "not reloaded";
+  };
+  history.add_suspects()->mutable_until()->set_seconds(absl::ToUnixSeconds(absl::Now()));
+  EXPECT_THAT(log_after(1), HasSubstr("39 configurations with a robot image that was captured "
+                                      "while the cell may have changed"));
+  history.clear_suspects();
+  EXPECT_THAT(log_after(2), AllOf(HasSubstr("39 captured"), Not(HasSubstr("may have changed"))));
+}
+
 TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileNeedsARestart) {
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
