@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "calib/robot/drawing/motion_check.h"
 #include "db/status/status_macros.h"
 #include "server/scene/make_scene.h"
 
@@ -66,7 +65,7 @@ class Episode {
         chance_(StreamOf(settings.seed, static_cast<uint64_t>(episode), 2)),
         robot_(
             stage.stations().front(),
-            [this](auto from, auto to) { return GreatestDisplacement(stage_.robot(), from, to); },
+            [this](auto from, auto to) { return FastestMovement(stage_.robot(), from, to); },
             stage.rule().acceleration) {
     if (!settings.rendered || (!method.policy() && video == nullptr)) return;
     rendered_.emplace(stage.workplace(), stage.database(), people_.size(),

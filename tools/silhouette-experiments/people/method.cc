@@ -32,7 +32,7 @@ constexpr double kTrueLeaveFrom = 0.05;
 constexpr size_t kDecisionsOfApproach = 3;
 
 // Between places on a path at which the truth is looked at, metres.
-constexpr double kTrueStep = 0.1;
+constexpr double kTrueStep = 0.05;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Without a grid: radians or metres of a joint, from a place to its neighbours; and how much is

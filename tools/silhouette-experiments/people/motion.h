@@ -10,8 +10,8 @@
 
 namespace silhouette::people_experiment {
 
-// How far the robot's fastest point moves at most between two configurations, on a straight line in
-// joint space: metres.
+// How far the robot's fastest point moves between two configurations, on a straight line in joint
+// space, if it is as fast all along as where it is fastest: metres.
 using Movement = std::function<double(std::span<const double> from, std::span<const double> to)>;
 
 // Places on a path are counted by movement: metres, m/s, m/s^2.

@@ -6,10 +6,14 @@
 #include <limits>
 #include <string>
 
+#include "calib/robot/drawing/motion_check.h"
 #include "calib/robot/parts.h"
 
 namespace silhouette::people_experiment {
 namespace {
+
+// Metres that the robot's points move at most from place to place where its speed is looked at.
+constexpr double kPiece = 0.05;
 
 // The corners of the box that grows to the shape; of a capsule two.
 Eigen::Matrix3Xd PointsOf(const Shape& shape) {
@@ -41,6 +45,23 @@ absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
   for (const GridJoint& joint : workplace.cell().grid.joints()) moving.push_back(joint.name);
   return DrawnRobotOf(workplace.robot(), {.tolerance = 0}, moving, workplace.cell().fixed_joints,
                       workplace.TrueCalibration(), sizes, 0);
+}
+
+double FastestMovement(const DrawnRobot& robot, std::span<const double> from,
+                       std::span<const double> to) {
+  const double steps = std::max(1.0, std::ceil(GreatestDisplacement(robot, from, to) / kPiece));
+  std::vector<Eigen::Isometry3d> before;
+  std::vector<Eigen::Isometry3d> poses;
+  robot.chain().Pose(from, before);
+  double farthest = 0;
+  Configuration q(from.begin(), from.end());
+  for (double step = 1; step <= steps; ++step) {
+    for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], step / steps);
+    robot.chain().Pose(q, poses);
+    farthest = std::max(farthest, DisplacementBetween(robot, before, poses));
+    before.swap(poses);
+  }
+  return farthest * steps;
 }
 
 Truth::Truth(const SimulatedWorkplace& workplace, const DrawnRobot& robot, size_t people)

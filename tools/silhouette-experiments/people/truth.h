@@ -21,6 +21,11 @@ using cell_experiment::SimulatedWorkplace;
 absl::StatusOr<DrawnRobot> TrueRobot(const SimulatedWorkplace& workplace,
                                      std::span<const MaskSize> sizes);
 
+// How far the robot's fastest point moves on a straight line in joint space if it is as fast all
+// along as where it is fastest, metres.
+double FastestMovement(const DrawnRobot& robot, std::span<const double> from,
+                       std::span<const double> to);
+
 // Distances between robot and people at an instant. For one thread. Refers to its arguments.
 class Truth {
  public:
