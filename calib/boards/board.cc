@@ -11,6 +11,7 @@
 #include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -362,6 +363,20 @@ std::string BoardFault(const BoardDescription& d) {
   return "";
 }
 
+// The same name for families whose markers of one id look the same: those of DICT_4X4_50 are the
+// first of DICT_4X4_1000, and those of DICT_APRILTAG_36h11 are tags of tag36h11.
+std::string MarkerGroup(const std::string& family) {
+  constexpr std::string_view kAprilTags = "DICT_APRILTAG_";
+  if (family.starts_with(kAprilTags)) return absl::StrCat("tag", family.substr(kAprilTags.size()));
+  return family.starts_with("DICT_") ? family.substr(0, family.rfind('_')) : family;
+}
+
+// The family of the board's tags or markers; empty: it has none.
+std::string MarkerFamilyOf(const BoardDescription& d) {
+  if (d.kind == BoardKind::kTags) return d.family;
+  return d.kind == BoardKind::kCharuco ? d.dictionary : "";
+}
+
 // Why marks of one board may be taken for the other's; empty if they may not.
 std::string SharedMarks(const Board& board, const Board& other) {
   const BoardDescription& d = board.description();
@@ -379,23 +394,19 @@ std::string SharedMarks(const Board& board, const Board& other) {
                         " of one size, so that no image tells them apart; take one out");
   }
   const int first = std::max(d.first_id, o.first_id);
-  if (!aruco) {
-    if (d.family != o.family || !board.HasTag(first) || !other.HasTag(first)) return "";
-    return absl::StrCat(boards, "both have tag ", first, " of ", d.family,
-                        "; print one of them with another first_id");
-  }
-  const auto markers = [](const BoardDescription& b) {
-    return b.kind == BoardKind::kTags      ? b.family
-           : b.kind == BoardKind::kCharuco ? b.dictionary
-                                           : "";
-  };
   const auto beyond = [](const BoardDescription& b) {
     const int count = b.rows * b.columns;
     return b.first_id + (b.kind == BoardKind::kTags ? count : count / 2);
   };
-  if (markers(d) != markers(o) || first >= std::min(beyond(d), beyond(o))) return "";
-  return absl::StrCat(boards, "both have marker ", first, " of ", markers(d),
-                      "; print one of them with another first_id");
+  if (MarkerGroup(MarkerFamilyOf(d)) != MarkerGroup(MarkerFamilyOf(o)) ||
+      first >= std::min(beyond(d), beyond(o))) {
+    return "";
+  }
+  const std::string same = MarkerFamilyOf(d) == MarkerFamilyOf(o)
+                               ? ""
+                               : absl::StrCat(", which is the one of ", MarkerFamilyOf(o));
+  return absl::StrCat(boards, "both have ", aruco ? "marker " : "tag ", first, " of ",
+                      MarkerFamilyOf(d), same, "; print one of them with another first_id");
 }
 
 // What is wrong with `boards[at]`, by itself or beside those before it.

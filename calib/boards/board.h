@@ -179,7 +179,8 @@ inline constexpr double kLargestTag = 3;
 
 // What keeps the boards from being used in one session: an unknown family, ids that the family does
 // not have, prints of neighbouring tags that overlap, a tag_size above kLargestTag, two boards of
-// one name, a tag on two boards. OK: nothing. InvalidArgument, naming the boards.
+// one name, a tag on two boards (DICT_4X4_50 has the first markers of DICT_4X4_1000, and
+// DICT_APRILTAG_36h11 the tags of tag36h11). OK: nothing. InvalidArgument, naming the boards.
 absl::Status CheckBoards(std::span<const Board> boards);
 
 std::string BoardFileText(std::span<const Board> boards);

@@ -128,6 +128,8 @@ void LineDistanceSum::Add(const Eigen::Matrix3d& f, const Correspondence& corner
   const EpipolarDistance distance = DistanceBetween(f, corner.a, corner.b);
   distances_.push_back(distance.in_a);
   distances_.push_back(distance.in_b);
+  worst_mask_ = std::max({worst_mask_, std::abs(distance.in_a) * a_.mask_scale(),
+                          std::abs(distance.in_b) * b_.mask_scale()});
   // A corner's error in one image moves its line in the other.
   const double steep_a = (f.transpose() * corner.b.homogeneous()).head<2>().squaredNorm();
   const double steep_b = (f * corner.a.homogeneous()).head<2>().squaredNorm();
@@ -151,6 +153,7 @@ LineDistances LineDistanceSum::Result() const {
   result.noise = std::sqrt(noise_squares_ / static_cast<double>(sorted.size()));
   result.median = sorted[sorted.size() / 2];
   result.worst = sorted.back();
+  result.worst_mask = worst_mask_;
   return result;
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <vector>
 
 #include "calib/camera/camera_model.h"
@@ -58,6 +59,12 @@ double SampsonDistance(const Eigen::Matrix3d& f, const Eigen::Vector2d& a, doubl
 struct ViewSizes {
   PixelSize image;
   PixelSize mask;
+
+  // Mask pixels of an image pixel, at most.
+  double mask_scale() const {
+    return std::max(static_cast<double>(mask.width) / image.width,
+                    static_cast<double>(mask.height) / image.height);
+  }
 };
 
 // Pixels of the camera images; the distances in either image taken together.
@@ -66,6 +73,7 @@ struct LineDistances {
   double rms = 0;
   double median = 0;
   double worst = 0;
+  double worst_mask = 0;  // the same in mask pixels, each of its own image
   // What rms would be if the matrix were exact: from what the corners are said to be wrong by.
   double noise = 0;
   // By how many mask pixels all squares must be widened so that the worst corner's pixels meet
@@ -88,6 +96,7 @@ class LineDistanceSum {
   ViewSizes b_;
   std::vector<double> distances_;  // two per corner
   double noise_squares_ = 0;       // expected of them
+  double worst_mask_ = 0;
   double margin_ = 0;
 };
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/numbers/numbers.h"
 
 namespace silhouette {
@@ -12,13 +13,14 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kStill = 1;  // pixels that a tag at rest may seem to move
+constexpr double kStill = 1;           // pixels that a tag at rest may seem to move
+constexpr double kStillOnMask = 0.05;  // the same on a mask, where its pixels are larger
 
 struct Moved {
   Vector2d before;
   Vector2d after;
   double sigma = 0;
-  int tag = 0;
+  SeenTag tag;
 };
 
 Vector2d MedianShift(const std::vector<Moved>& corners) {
@@ -31,22 +33,35 @@ Vector2d MedianShift(const std::vector<Moved>& corners) {
   return {Median(x), Median(y)};
 }
 
-// Tags that disagree with the shift of most; none if there are fewer than three.
-std::vector<int> OddTags(const std::vector<Moved>& corners) {
+// Tags that disagree with the shift of most by `least` pixels and more; none if there are fewer
+// than three.
+std::vector<SeenTag> OddTags(const std::vector<Moved>& corners, double least) {
   const Vector2d shift = MedianShift(corners);
-  std::map<int, double> off;
+  std::map<SeenTag, double> off;
   for (const Moved& corner : corners) {
     off[corner.tag] = std::max(off[corner.tag], (corner.after - corner.before - shift).norm());
   }
   if (off.size() < 3) return {};
   std::vector<double> all;
   for (const auto& [tag, distance] : off) all.push_back(distance);
-  const double limit = 1 + 5 * Median(all);
-  std::vector<int> odd;
+  const double limit = least + 5 * Median(all);
+  std::vector<SeenTag> odd;
   for (const auto& [tag, distance] : off) {
     if (distance > limit) odd.push_back(tag);
   }
-  return 2 * odd.size() < off.size() ? odd : std::vector<int>();
+  return 2 * odd.size() < off.size() ? odd : std::vector<SeenTag>();
+}
+
+// "tag 7 of tagStandard41h12 moved by itself, or ...". `odd` is not empty.
+std::string OddTagsText(const std::vector<SeenTag>& odd) {
+  const auto name = [](std::string* out, const SeenTag& tag) {
+    absl::StrAppend(out, std::get<2>(tag), " of ", std::get<1>(tag));
+  };
+  const bool one = odd.size() == 1;
+  return absl::StrCat(one ? "tag " : "tags ", absl::StrJoin(odd, ", ", name),
+                      one ? " moved by itself, or the camera was carried: put it back"
+                          : " moved by themselves, or the camera was carried: put them back",
+                      ", or calibrate and record the tags again");
 }
 
 // How far the images of points move that are not on the tags, against what moves of the tags'
@@ -157,8 +172,8 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
     if (was.view != view || is == after.end()) continue;
     if (is->second.corners.size() != was.corners.size()) continue;
     for (size_t i = 0; i < was.corners.size(); ++i) {
-      corners.push_back({was.corners[i], is->second.corners[i],
-                         std::hypot(was.sigma, is->second.sigma), was.tag});
+      corners.push_back(
+          {was.corners[i], is->second.corners[i], std::hypot(was.sigma, is->second.sigma), key});
     }
   }
   if (corners.empty()) {
@@ -166,10 +181,6 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
         "none of the tags that it saw when it was calibrated is seen now; clear the view to them";
     return drift;
   }
-  drift.odd_tags = OddTags(corners);
-  std::erase_if(corners, [&](const Moved& corner) {
-    return std::ranges::find(drift.odd_tags, corner.tag) != drift.odd_tags.end();
-  });
   const PixelSize image = sizes.image;
   const Vector2d middle(0.5 * (image.width - 1), 0.5 * (image.height - 1));
   const PlaneMotion motion = FitMotion(corners, middle);
@@ -195,9 +206,10 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
     drift.after.push_back(corner.after);
   }
   drift.corners = static_cast<int>(corners.size());
-  drift.checked = true;
-  if (!drift.odd_tags.empty()) {
-    drift.message = absl::StrCat(drift.odd_tags.size(), " tags moved by themselves");
+  drift.odd_tags = OddTags(corners, std::max(kStill, kStillOnMask / sizes.mask_scale()));
+  drift.checked = drift.odd_tags.empty();
+  if (!drift.checked) {
+    drift.message = OddTagsText(drift.odd_tags);
   } else if (corners.size() < kFewCorners) {
     drift.message = "three tags or more, spread over the image, would tell more";
   }

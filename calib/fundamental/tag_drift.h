@@ -38,8 +38,8 @@ struct ViewDrift {
   // The most that the image of a point in the cell may have moved.
   double moved = 0;
   double moved_mask = 0;  // in mask pixels
-  // Tags that moved by themselves.
-  std::vector<int> odd_tags;
+  // Tags that moved otherwise than most: by themselves, or because the camera was carried.
+  std::vector<SeenTag> odd_tags;
   // Where corners were, and are; for pictures.
   std::vector<Eigen::Vector2d> before;
   std::vector<Eigen::Vector2d> after;
@@ -48,7 +48,8 @@ struct ViewDrift {
 // `before`: how the camera saw the tags when it was calibrated; `after`: how it sees them now. Both
 // may have tags of other views. Uncertain turns count with two standard deviations, and what is no
 // shift, turn and growth twelve times: near things move more than tags behind them, if a camera was
-// carried. One tag among three or more that disagrees with the rest was moved itself.
+// carried. Tags that disagree with most count as well: they may have been moved, or be nearer to a
+// camera that was carried. With such tags the view is not checked.
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
                       const std::map<SeenTag, TagSighting>& after);

@@ -113,6 +113,7 @@ absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem) {
   ASSIGN_OR_RETURN(LinearBundle linear, CountCommonErrors(bundle));
   RETURN_IF_ERROR(CheckFinalSizes(problem.size_trust, fit));
   ASSIGN_OR_RETURN(PoseMisfits misfits, FindMisfits(problem.robot_noise, std::move(linear), fit));
+  misfits.doubts.insert(misfits.doubts.end(), fit.doubts.begin(), fit.doubts.end());
   for (size_t i = 0; i < problem.views.size(); ++i) {
     UnknownLens lens = FindUnknownLens(problem, problem.views[i], bundle.cameras[i].pose);
     if (lens.sentence.empty()) continue;

@@ -105,7 +105,8 @@ double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point
 // says why, and what would mend it: too few poses, rotations about one axis only, no base frame,
 // views without connection (named), another tag size, poses shifted by one frame, in millimetres,
 // inverted or with quaternions in another order, mirrored boards, a lens that does not fit, a
-// camera or a board that moved meanwhile, a lens that is not known where it shows the workspace.
+// camera or a board that moved meanwhile, a lens that is not known where it shows the workspace, a
+// board whose size nothing checks.
 absl::StatusOr<PoseSolution> CalibratePoses(const PoseProblem& problem);
 
 }  // namespace silhouette

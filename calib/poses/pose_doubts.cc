@@ -264,6 +264,13 @@ namespace {
 
 // From here on, off by this share, a size is refused where nothing is to be trusted.
 constexpr double kRefusedSize = 0.01;
+// Sigmas by which a size differs from the stated one for certain.
+constexpr double kCertainSize = 5;
+// A size is unchecked from this sigma on: what is then certain is 2.5 %, by which a page that was
+// printed to fit its paper is off. A flange that moves by 3 cm all around gives 0.25 %.
+constexpr double kUncheckedSize = 0.005;
+// Metres by which points of the workspace may be elsewhere if an unchecked size is off.
+constexpr double kHarmlessShift = 1e-3;
 constexpr char kMendOfSize[] =
     "; --trust-size found takes them so, --trust-size stated keeps the description's";
 
@@ -275,13 +282,12 @@ struct OtherSize {
 };
 
 std::vector<OtherSize> OtherSizes(const Bundle& sized) {
-  constexpr double kCertain = 5;  // sigmas
   constexpr double kMentionedSize = 0.001;
   std::vector<OtherSize> others;
   for (size_t i = 0; i < sized.sizes.size(); ++i) {
     const double off = std::abs(sized.sizes[i] - 1);
     const double sigma = sized.size_sigmas[i];
-    if (sigma > 0 && off >= kMentionedSize && off >= kCertain * sigma) {
+    if (sigma > 0 && off >= kMentionedSize && off >= kCertainSize * sigma) {
       others.push_back({i, sized.sizes[i], sigma});
     }
   }
@@ -313,6 +319,31 @@ std::string TextOfSizes(const PoseFit& fit, const std::vector<OtherSize>& others
       1000 * shift);
 }
 
+// Names the boards whose size is not checked though the poses rest on it; empty: none. `sized`:
+// with the sizes by motion and survey.
+std::string TextOfUncheckedSizes(const PoseFit& fit, const Bundle& sized) {
+  std::vector<std::string> boards;
+  Bundle larger = fit.bundle;
+  larger.free_sizes = false;
+  for (size_t i = 0; i < sized.sizes.size(); ++i) {
+    const double sigma = sized.size_sigmas[i];
+    const bool certain = std::abs(sized.sizes[i] - 1) >= kCertainSize * sigma;
+    if (sigma < kUncheckedSize || certain) continue;
+    larger.sizes[i] *= 1 + kRefusedSize;
+    boards.push_back(absl::StrFormat("'%s' (+- %.1f %%)",
+                                     fit.network.boards[i].board.description().name, 100 * sigma));
+  }
+  if (boards.empty() || !Adjust(larger, 0)) return "";
+  const double shift = std::ranges::max(ShiftsOf(fit, larger));
+  if (shift < kHarmlessShift) return "";
+  return absl::StrFormat(
+      "neither the motion of the robot nor a survey determines the size of board %s: a print %.0f "
+      "%% "
+      "too large shifts points of the workspace by up to %.1f mm; move the flange by 20 cm and "
+      "more, or measure the print and vouch for it (--trust-size stated)",
+      FewOf(boards), 100 * kRefusedSize, 1000 * shift);
+}
+
 }  // namespace
 
 absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
@@ -324,6 +355,9 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   Bundle& sized = other.free_sizes ? other : fit.bundle;
   const BundleStatistics statistics = FindCovariances(sized);
   if (!statistics.undetermined.empty() || statistics.dof <= 0) return absl::OkStatus();
+  if (std::string text = TextOfUncheckedSizes(fit, sized); !text.empty()) {
+    (trust == SizeTrust::kStated ? fit.network.warnings : fit.doubts).push_back(std::move(text));
+  }
   const std::vector<OtherSize> others = OtherSizes(sized);
   if (others.empty()) return absl::OkStatus();
   std::string text = TextOfSizes(fit, others, std::ranges::max(ShiftsOf(fit, other)));

@@ -24,6 +24,7 @@ struct PoseFit {
   std::vector<double> expected_px;
   // Boards' sizes other than stated explain what does not fit.
   bool size_explains = false;
+  std::vector<std::string> doubts = {};  // as in PoseMisfits, of sizes
 };
 
 // A corner of a look; its board's pose and size are to be set where they differ from the network's.
@@ -60,7 +61,8 @@ absl::Status CheckFit(const PoseProblem& problem, PoseFit& fit);
 // Compares the boards' sizes with what the robot's motion or the survey says of them, at the
 // minimum of the fit, which has the sizes found if that is what `trust` says. A size that is off is
 // a warning, and the fit has the sizes found unless those stated are to be trusted; from 1 % on it
-// is FailedPrecondition if nothing is to be trusted.
+// is FailedPrecondition if nothing is to be trusted. Sizes that motion and survey do not tell,
+// though the poses rest on them, are a doubt, or a warning if those stated are to be trusted.
 absl::Status CheckSizes(SizeTrust trust, PoseFit& fit);
 // The same limit on the sizes of the last solve, with its covariances: FailedPrecondition.
 absl::Status CheckFinalSizes(SizeTrust trust, const PoseFit& fit);
@@ -100,7 +102,8 @@ PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
 
 // FailedPrecondition, with how many more frames of which kind would mend it, if so little holds the
 // poses that a mistake would not show: fewer than `least_frames` poses of the robot and no survey,
-// hardly more measurements than unknowns, or poses that a single frame decides.
+// hardly more measurements than unknowns, or a view that saw no surveyed board and whose pose a
+// single frame decides.
 absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolution& solution);
 
 }  // namespace silhouette

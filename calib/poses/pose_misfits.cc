@@ -151,7 +151,12 @@ class Misfits {
     }
     FindLens();
     // What a lens lacks looks like motion where the robot drives from side to side.
-    if (found_.doubts.empty()) FindMotion();
+    if (found_.doubts.empty()) {
+      FindMotion();
+    } else {
+      found_.doubts.back() +=
+          "; with such a lens, motions of cameras and boards during the session are not looked for";
+    }
     return std::move(found_);
   }
 

@@ -81,8 +81,8 @@ struct PoseProblem {
   SizeTrust size_trust = SizeTrust::kNeither;
   // Points of the robot's workspace in the base, metres. None: it is not known.
   std::vector<Eigen::Vector3d> workspace;
-  // Poses are found in spite of lenses that do not fit, or are not known where they are needed, and
-  // of things that moved meanwhile.
+  // Poses are found in spite of lenses that do not fit, or are not known where they are needed, of
+  // things that moved meanwhile, and of boards whose size nothing checks.
   bool accept_doubts = false;
   std::vector<std::string> warnings;  // of those who read it; the solution has them, too
   // Called before each step of long work, with its name.

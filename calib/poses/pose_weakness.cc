@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Core>
+#include <Eigen/SVD>
 #include <algorithm>
-#include <cmath>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -21,8 +23,10 @@ constexpr const char* kGoodFrames =
 
 // Measurements more than unknowns: with fewer, a mistake would fit.
 constexpr int kLeastFreedom = 8;
-// With more frames, a single one does not decide.
+// Of a view with more frames a single one decides only by its turn of the flange: if it has this
+// share of all turns about a second axis.
 constexpr size_t kMostFramesTried = 12;
+constexpr double kDecisiveTurn = 0.3;
 // Without one frame, points of the workspace may be elsewhere by this many sigmas, or metres.
 constexpr double kUnstable = 4;
 constexpr double kHarmless = 1e-3;
@@ -73,26 +77,80 @@ const std::string& StandOf(const PoseFit& fit, const BundleCorner& corner) {
                             : fit.network.looks[corner.look].frame;
 }
 
-// Nothing if the rest does not determine all poses.
-std::optional<Bundle> Without(const PoseFit& fit, const std::string& frame) {
-  Bundle rest = fit.bundle;
-  for (BundleCorner& corner : rest.corners) {
-    corner.used = corner.used && StandOf(fit, corner) != frame;
+// The frames in which a view saw boards.
+struct ViewFrames {
+  std::map<std::string, int> flanges;  // of each frame; -1: none
+  bool surveyed = false;               // a board that it saw is
+};
+
+std::vector<ViewFrames> FramesOfViews(const PoseFit& fit) {
+  std::vector<ViewFrames> views(fit.bundle.cameras.size());
+  for (const BundleCorner& corner : fit.bundle.corners) {
+    if (!corner.used) continue;
+    ViewFrames& view = views[corner.camera];
+    int& flange = view.flanges.try_emplace(StandOf(fit, corner), -1).first->second;
+    flange = std::max(flange, corner.flange);
+    const BundlePose& board = fit.bundle.board_poses[corner.board_pose];
+    view.surveyed = view.surveyed || (board.has_prior && !board.left_out);
   }
-  if (!Adjust(rest, 0) || !FindCovariances(rest).undetermined.empty()) return std::nullopt;
+  return views;
+}
+
+// The frame that has most of the flange's turns about a second axis, if that is a decisive share.
+std::optional<std::string> DecisiveTurn(const PoseFit& fit, const ViewFrames& view) {
+  const auto turn_of = [&](int flange) { return fit.bundle.flanges[flange].pose.linear(); };
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const auto& [frame, flange] : view.flanges) {
+    if (flange >= 0) sum += turn_of(flange);
+  }
+  // The flange's axis that turns least, and its direction in the base.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  double all = 0;
+  double most = 0;
+  std::string decisive;
+  for (const auto& [frame, flange] : view.flanges) {
+    if (flange < 0) continue;
+    const double turn =
+        (turn_of(flange) * svd.matrixV().col(0) - svd.matrixU().col(0)).squaredNorm();
+    all += turn;
+    if (turn > most) decisive = frame;
+    most = std::max(most, turn);
+  }
+  return most > kDecisiveTurn * all ? std::optional(decisive) : std::nullopt;
+}
+
+// The poses without a frame, or what the rest does not determine.
+struct Rest {
+  Bundle bundle;
+  std::string undetermined;
+};
+
+Rest Without(const PoseFit& fit, const std::string& frame) {
+  Rest rest{.bundle = fit.bundle, .undetermined{}};
+  std::set<int> seeing;
+  for (BundleCorner& corner : rest.bundle.corners) {
+    corner.used = corner.used && StandOf(fit, corner) != frame;
+    if (corner.used) seeing.insert(corner.camera);
+  }
+  for (size_t i = 0; i < rest.bundle.cameras.size(); ++i) {
+    if (!seeing.contains(static_cast<int>(i))) rest.undetermined = rest.bundle.cameras[i].name;
+  }
+  if (!rest.undetermined.empty()) return rest;
+  rest.undetermined =
+      Adjust(rest.bundle, 0) ? FindCovariances(rest.bundle).undetermined : "anything";
   return rest;
 }
 
 absl::Status CheckWithout(const PoseFit& fit, const PoseSolution& solution,
                           const std::string& frame) {
-  const std::optional<Bundle> rest = Without(fit, frame);
-  if (!rest) {
-    return FailedPrecondition("without the frame '", frame,
-                              "' the poses are not determined, so that a mistake in it would not "
-                              "show; add two or more frames like it, ",
+  const Rest rest = Without(fit, frame);
+  if (!rest.undetermined.empty()) {
+    return FailedPrecondition("without the frame '", frame, "' the pose of ", rest.undetermined,
+                              " is not determined, so that a mistake in it would not show; add "
+                              "two or more frames like it, ",
                               kGoodFrames);
   }
-  const std::vector<double> shifts = ShiftsOf(fit, *rest);
+  const std::vector<double> shifts = ShiftsOf(fit, rest.bundle);
   for (size_t i = 0; i < shifts.size(); ++i) {
     const double limit = std::max(kHarmless, kUnstable * solution.views[i].workspace_sigma);
     if (shifts[i] <= limit) continue;
@@ -112,10 +170,14 @@ absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolut
   RETURN_IF_ERROR(CheckRobotFrames(least_frames, fit, solution));
   RETURN_IF_ERROR(CheckFreedom(solution));
   std::set<std::string> frames;
-  for (const BundleCorner& corner : fit.bundle.corners) {
-    if (corner.used) frames.insert(StandOf(fit, corner));
+  for (const ViewFrames& view : FramesOfViews(fit)) {
+    if (view.surveyed) continue;
+    if (view.flanges.size() > kMostFramesTried) {
+      if (const auto frame = DecisiveTurn(fit, view)) frames.insert(*frame);
+      continue;
+    }
+    for (const auto& [frame, flange] : view.flanges) frames.insert(frame);
   }
-  if (frames.size() > kMostFramesTried || HasSurvey(solution)) return absl::OkStatus();
   for (const std::string& frame : frames) RETURN_IF_ERROR(CheckWithout(fit, solution, frame));
   return absl::OkStatus();
 }

@@ -227,7 +227,8 @@ class Maker {
     images_ = std::move(images);
     if (!report_.refusal.empty()) {
       for (size_t i = 0; i < problem_.sightings.size(); ++i) {
-        for (int corner = 0; corner < 4; ++corner) AddCorner({i, corner, {0, 0}, false});
+        const auto corners = static_cast<int>(problem_.sightings[i].corners.size());
+        for (int corner = 0; corner < corners; ++corner) AddCorner({i, corner, {0, 0}, false});
       }
     }
     for (const CornerResidual& corner : solution_.residuals) AddCorner(corner);

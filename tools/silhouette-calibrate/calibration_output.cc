@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "calib/files/calibration_session_file.h"
@@ -119,6 +121,37 @@ absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSigh
     }
   }
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<std::string>> CompareWithCameras(const FoundCalibration& found,
+                                                            std::span<const TagSighting> fixed) {
+  ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
+  std::vector<TagSighting> tags;
+  for (const auto& [key, mean] : means) tags.push_back(mean);
+  std::vector<bool> compared(found.views.size());
+  std::vector<std::string> contradictions;
+  for (const PairResult& pair : FindPairs(found.views, tags, {})) {
+    if (!pair.distances || pair.distances->corners == 0) continue;
+    const auto a = static_cast<size_t>(pair.a);
+    const auto b = static_cast<size_t>(pair.b);
+    compared[a] = compared[b] = true;
+    if (pair.distances->worst_mask <= kMostMoved) continue;
+    contradictions.push_back(absl::StrFormat("'%s' and '%s' by %.2f px (%.3f mask px)",
+                                             found.views[a].name, found.views[b].name,
+                                             pair.distances->worst, pair.distances->worst_mask));
+  }
+  if (!contradictions.empty()) {
+    return FailedPrecondition(
+        "a camera moved after it was calibrated, or its calibration is wrong: fixed tags that two "
+        "views see are off their epipolar lines, in ",
+        absl::StrJoin(contradictions, ", "), "; the limit is ", kMostMoved,
+        " mask px; calibrate again, and take the fixed tags right after it");
+  }
+  std::vector<std::string> alone;
+  for (size_t i = 0; i < compared.size(); ++i) {
+    if (!compared[i]) alone.push_back(found.views[i].name);
+  }
+  return alone;
 }
 
 absl::Status WriteMatrices(const FoundCalibration& found, const std::string& file) {

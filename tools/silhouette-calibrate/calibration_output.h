@@ -9,10 +9,16 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "calib/fundamental/view_pairs.h"
+#include "server/scene/scene_settings.h"
 #include "silhouette/storage/v1/storage.pb.h"
 
 namespace silhouette {
+
+// Mask pixels by which a camera may have moved: what the server's margin leaves for moves, if the
+// calibration itself errs by no more than 0.05. Cameras that all moved by m need a margin of m.
+inline constexpr double kMostMoved = CalibrationSettings{}.margin - 0.05;
 
 // Sets a figure of merit; replaces one of the same name. `of`: the view or pair; empty: all.
 void SetFigure(const std::string& what, const std::string& of, double value, const char* unit,
@@ -43,5 +49,12 @@ std::optional<storage::v1::CalibrationRecord> RecordOfFile(const FoundCalibratio
 // between frames, or if its view is not among `found.views`.
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record);
+
+// Compares the camera models with fixed tags that two views see. FailedPrecondition if corners are
+// more than kMostMoved off their epipolar lines: a camera moved since it was calibrated. A move
+// along the lines does not show. Gives the views that share no tag with another, of which nothing
+// is known. All views have cameras and masks' sizes; the tags are as SetFixedTags takes them.
+absl::StatusOr<std::vector<std::string>> CompareWithCameras(const FoundCalibration& found,
+                                                            std::span<const TagSighting> fixed);
 
 }  // namespace silhouette

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate check
+#include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <iostream>
 #include <map>
@@ -11,6 +13,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -18,6 +21,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/detection/image_tags.h"
 #include "calib/files/calibration_check_file.h"
@@ -31,11 +35,11 @@
 #include "db/mask/configuration_grid.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
-#include "server/scene/scene_settings.h"
 #include "silhouette/storage/v1/storage.pb.h"
 #include "tools/cell/cell.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
+#include "tools/silhouette-calibrate/calibration_output.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/detect.h"
 #include "tools/silhouette-calibrate/files.h"
@@ -57,10 +61,8 @@ struct CheckRequest {
   // silhouettes.
   bool live = false;
   std::vector<std::string> boards;
-  int sets = 5;  // of live images, in which tags are looked for
-  // Mask pixels: what the server's margin leaves for moves, if the calibration itself errs by no
-  // more than 0.05. Cameras that all moved by m need a margin of m.
-  double limit = CalibrationSettings{}.margin - 0.05;
+  int sets = 5;               // of live images, in which tags are looked for
+  double limit = kMostMoved;  // mask pixels
 };
 
 struct Checked {
@@ -72,9 +74,18 @@ struct Checked {
 using Sightings = std::map<SeenTag, TagSighting>;
 
 struct CellNow {
-  std::optional<Sightings> tags;  // nothing: they were not asked for
-  std::vector<cv::Mat> images;    // by view; empty: as before
+  std::optional<Sightings> tags;                // nothing: they were not asked for
+  std::vector<cv::Mat> images;                  // by view; empty: as before
+  absl::Time written = absl::InfiniteFuture();  // the oldest of the files that it is read from
 };
+
+// Long ago if that cannot be found.
+absl::Time TimeOf(const std::string& file) {
+  std::error_code error;
+  const fs::file_time_type written = fs::last_write_time(file, error);
+  if (error) return absl::InfinitePast();
+  return absl::FromChrono(std::chrono::file_clock::to_sys(written));
+}
 
 // Adds the tags that a set of images shows.
 absl::Status AddTags(const DetectSettings& settings, BoardDetector& detector, const Cell& cell,
@@ -126,10 +137,12 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
                                 const storage::v1::CellDescription& cell) {
   CellNow now;
   if (!request.corners.empty()) {
+    now.written = TimeOf(request.corners);
     ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(request.corners, cell));
   }
   for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
+    now.written = std::min(now.written, TimeOf(file));
     now.images.push_back(ImageOfFile(file, cv::IMREAD_COLOR));
     if (now.images.back().empty()) return NotFound("'" + file + "' is no image");
   }
@@ -335,6 +348,7 @@ absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
   checked.check.calibration = FingerprintOf(*stored);
   checked.check.limit_mask_px = request.limit;
   ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
+  checked.check.time = std::min(checked.check.time, now.written);
   if (now.tags) {
     ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
   }
@@ -410,7 +424,10 @@ nlohmann::ordered_json JsonOf(const Checked& checked) {
     view["turn_deg"] = Degrees(drift.turn);
     view["growth"] = drift.scale;
     view["rms_left_px"] = drift.rms_left;
-    view["odd_tags"] = drift.odd_tags;
+    view["odd_tags"] = nlohmann::ordered_json::array();
+    for (const auto& [name, family, tag] : drift.odd_tags) {
+      view["odd_tags"].push_back({{"family", family}, {"tag", tag}});
+    }
   }
   return json;
 }
@@ -478,6 +495,7 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   command->footer(
       "Checks tags, the silhouette of the robot, or both; of both, the larger motion counts.\n"
       "Exit code 1 if a camera moved by more than the limit, or could not be checked.\n"
+      "Without --live the result is as old as the oldest of the files of --corners and --images.\n"
       "Example:\n"
       "  silhouette-calibrate check --database cell.lmdb --corners now.csv --out check.json\n"
       "  silhouette-calibrate check --database cell.lmdb --cell cell.yaml --images now --number 0\n"

@@ -374,6 +374,18 @@ absl::StatusOr<std::vector<std::string>> DrawBands(const FundamentalArguments& a
   return written;
 }
 
+// FailedPrecondition if fixed tags contradict the cameras. Warns of views that they cannot test.
+absl::Status GuardCameras(const FoundCalibration& found, std::span<const TagSighting> fixed) {
+  ASSIGN_OR_RETURN(const auto alone, CompareWithCameras(found, fixed));
+  for (const std::string& view : alone) {
+    std::cerr << "silhouette-calibrate: view '" << view
+              << "' shares no fixed tag with another, so that it is unknown whether its camera "
+                 "moved since it was calibrated"
+              << std::endl;
+  }
+  return absl::OkStatus();
+}
+
 // calibration.yaml; what an earlier one says of the same cameras stays.
 absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalibration& found) {
   std::optional<storage::v1::CalibrationRecord> record = RecordOfFile(found, arguments.calibration);
@@ -385,6 +397,7 @@ absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalib
   if (!arguments.fixed_tags.empty()) {
     ASSIGN_OR_RETURN(const auto fixed, ReadSightings(arguments.fixed_tags));
     RETURN_IF_ERROR(SetFixedTags(found, fixed, *record));
+    if (!found.cameras.empty()) RETURN_IF_ERROR(GuardCameras(found, fixed));
   }
   return WriteCalibrationFile(found, *std::move(record), arguments.calibration);
 }
@@ -456,7 +469,8 @@ void AddFundamentalCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--fixed-tags", a.fixed_tags,
                    "Corners (CSV) of tags that stay in the cell, for --calibration; 'check' "
-                   "uses them to see whether a camera moved")
+                   "uses them to see whether a camera moved. Refused if those that two views see "
+                   "contradict --cameras")
       ->needs("--calibration");
   command
       ->add_option("--max-margin", a.settings.most_margin,

@@ -107,7 +107,6 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
   ASSIGN_OR_RETURN(const std::vector<ViewPairs> views, ReadPairs(arguments, problem));
   std::vector<PoseView> seen;
   PoseSolution solution;
-  solution.chi2_per_dof = 1;
   for (const ViewPairs& view : views) {
     const PoseView& known = *std::ranges::find(problem.views, view.view, &PoseView::name);
     const auto solved = SolvePairFile(view.file, known, sources.size_trust);
@@ -198,9 +197,7 @@ absl::StatusOr<ExitCode> ReportWork(const ReportArguments& arguments) {
       std::cerr << "silhouette-calibrate: " << doubt << std::endl;
     }
   } else if (!IsStable(report)) {
-    std::cerr << "silhouette-calibrate: the calibration is not stable: other frames give another, "
-                 "as the report's warnings say; mend what they name, or add frames"
-              << std::endl;
+    std::cerr << "silhouette-calibrate: " << kNotStable << std::endl;
   }
   ASSIGN_OR_RETURN(const auto files, WriteReport(report, sources, arguments.out, arguments.json));
   nlohmann::ordered_json json = ReportJson(report);
@@ -226,10 +223,6 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       "--pairs", a.pairs,
       "Instead of corners: VIEW=FILE of pairs of robot and board poses, as MoveIt or easy_handeye "
       "save them; once per view");
-  for (const char* name :
-       {"--corners", "--robot-poses", "--joints", "--flange-board", "--standing", "--surveyed"}) {
-    pairs->excludes(command->get_option(name));
-  }
   command
       ->add_option("--mask-size", a.mask_size,
                    "WIDTHxHEIGHT of all views' masks, without --cell, for the matrices in "
@@ -240,6 +233,11 @@ void AddPosesCommand(CLI::App& program, Run& run) {
                    "Folder for camera models, calibration.yaml, poses.json and residuals.csv")
       ->required();
   command->add_flag("--draw", a.draw, "Pictures of the residuals too, residuals_VIEW.png");
+  for (const char* name :
+       {"--corners", "--sigma", "--robot-poses", "--joints", "--robot-sigma", "--least-frames",
+        "--flange-board", "--standing", "--surveyed", "--draw"}) {
+    pairs->excludes(command->get_option(name));
+  }
   AddFormatOption(*command, a.format);
   command->footer(
       "All given data are solved together. Boards that are neither on the flange, surveyed nor "

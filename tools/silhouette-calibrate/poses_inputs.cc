@@ -320,8 +320,8 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->option_text("stated|found");
   command.add_flag(
       "--accept-doubts", s.accept_doubts,
-      "Only warn of lenses that do not fit or are not known where the robot works, and of "
-      "cameras and boards that moved");
+      "Only warn of lenses that do not fit or are not known where the robot works, of cameras and "
+      "boards that moved, and of boards whose size nothing checks");
   command.add_option("--flange-board", s.flange_board, "The board on the flange");
   command.add_option("--standing", s.standing_boards,
                      "A board that stands still in all frames, at an unknown pose");

@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <ranges>
 #include <set>
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -79,6 +81,13 @@ std::vector<TagSighting> GoodSightings(const PoseProblem& problem, const PoseSol
   return good;
 }
 
+// False: it is of pairs of poses, and figures of corners mean nothing.
+bool HasCorners(const PoseSolution& solution) { return solution.dof > 0; }
+
+void Erase(std::initializer_list<const char*> names, Json& json) {
+  for (const char* name : names) json.erase(name);
+}
+
 CalibrationRecord RecordOf(const PoseSolution& solution, const PoseProvenance& provenance) {
   CalibrationRecord record = provenance.record;
   std::string boards;
@@ -93,11 +102,11 @@ CalibrationRecord RecordOf(const PoseSolution& solution, const PoseProvenance& p
   const auto add = [&](const char* name, const std::string& of, double value, const char* unit) {
     SetFigure(name, of, value, unit, record);
   };
-  add("chi2_per_dof", "", solution.chi2_per_dof, "");
+  if (HasCorners(solution)) add("chi2_per_dof", "", solution.chi2_per_dof, "");
   for (const SolvedView& view : solution.views) {
     if (view.on_flange) continue;
-    add("corners", view.name, view.corners, "");
-    add("corner_rms", view.name, view.rms_px, "px");
+    if (HasCorners(solution)) add("corners", view.name, view.corners, "");
+    if (HasCorners(solution)) add("corner_rms", view.name, view.rms_px, "px");
     add("workspace_sigma", view.name, 1e3 * view.workspace_sigma, "mm");
     add("workspace_sigma_worst", view.name, 1e3 * view.workspace_sigma_worst, "mm");
   }
@@ -394,14 +403,22 @@ Json PosesJson(const PoseSolution& solution) {
   for (const SolvedView& view : solution.views) json["views"].push_back(JsonOf(view));
   for (const SolvedBoard& board : solution.boards) json["boards"].push_back(JsonOf(board));
   for (const SolvedFrame& frame : solution.frames) json["frames"].push_back(JsonOf(frame));
+  if (HasCorners(solution)) return json;
+  Erase({"chi2_per_dof", "dof", "image_noise_factor", "robot_noise_factor", "survey_noise_factor",
+         "boards", "noise"},
+        json);
+  for (Json& view : json["views"]) Erase({"corners", "outliers", "rms_px", "worst_px"}, view);
+  for (Json& frame : json["frames"]) Erase({"corners", "outliers", "rms_px"}, frame);
   return json;
 }
 
 std::string PosesText(const PoseSolution& solution) {
   Table table{{"view", "corners", "outliers", "rms px", "camera (1 sigma)", "workspace (1 sigma)"}};
+  const bool corners = HasCorners(solution);
   for (const SolvedView& view : solution.views) {
-    table.rows.push_back({view.name, absl::StrCat(view.corners), absl::StrCat(view.outliers),
-                          absl::StrFormat("%.3f", view.rms_px),
+    table.rows.push_back({view.name, corners ? absl::StrCat(view.corners) : "",
+                          corners ? absl::StrCat(view.outliers) : "",
+                          corners ? absl::StrFormat("%.3f", view.rms_px) : "",
                           absl::StrFormat("%.2f mm, %.4f deg", CentreSigma(view) / kMm,
                                           RotationSigma(view.covariance) / kDegree),
                           absl::StrFormat("%.2f mm, worst %.2f mm%s", view.workspace_sigma / kMm,
@@ -416,17 +433,23 @@ std::string PosesText(const PoseSolution& solution) {
                           board.place == BoardPlace::kFlange ? "flange" : "base",
                           PositionSigma(board) / kMm);
   }
-  absl::StrAppendFormat(&text,
-                        "chi2/dof %.2f with the stated sigmas of robot and survey, "
-                        "%d degrees of freedom\n",
-                        solution.chi2_per_dof, solution.dof);
+  if (corners) {
+    absl::StrAppendFormat(&text,
+                          "chi2/dof %.2f with the stated sigmas of robot and survey, "
+                          "%d degrees of freedom\n",
+                          solution.chi2_per_dof, solution.dof);
+  }
   return text + TextOfWarnings(solution.warnings);
 }
 
-absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
-                                                    const PoseProblem& problem,
-                                                    const PoseSolution& solution,
-                                                    const PoseProvenance& provenance, bool draw) {
+namespace {
+
+// As WritePoses, into a folder for this alone.
+absl::StatusOr<std::vector<std::string>> WritePoseFiles(const std::string& folder,
+                                                        const PoseProblem& problem,
+                                                        const PoseSolution& solution,
+                                                        const PoseProvenance& provenance,
+                                                        bool draw) {
   std::vector<std::string> files;
   for (size_t i = 0; i < solution.views.size(); ++i) {
     const SolvedView& view = solution.views[i];
@@ -448,6 +471,42 @@ absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
   for (size_t i = 0; draw && i < solution.views.size(); ++i) {
     files.push_back(path(absl::StrCat("residuals_", solution.views[i].name, ".png")));
     RETURN_IF_ERROR(WritePng(files.back(), ResidualPicture(problem, solution, i)));
+  }
+  return files;
+}
+
+// Moves files into the folder. The existing calibration.yaml goes first, then the other existing
+// files; the new calibration.yaml comes last. Cut short, it leaves a folder that lacks cameras, or
+// one without calibration.yaml whose cameras belong together.
+absl::Status PutInPlace(std::vector<fs::path> files, const fs::path& folder) {
+  std::ranges::stable_partition(
+      files, [](const fs::path& file) { return file.filename() == kSessionFileName; });
+  std::error_code error;
+  for (const fs::path& file : files) fs::remove(folder / file.filename(), error);
+  for (const fs::path& file : std::views::reverse(files)) {
+    const fs::path place = folder / file.filename();
+    fs::rename(file, place, error);
+    if (!error) continue;
+    return FailedPrecondition("'", place.string(), "' cannot be written: ", error.message());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
+                                                    const PoseProblem& problem,
+                                                    const PoseSolution& solution,
+                                                    const PoseProvenance& provenance, bool draw) {
+  const fs::path unfinished = fs::path(folder) / ".unfinished";
+  auto files = WritePoseFiles(unfinished.string(), problem, solution, provenance, draw);
+  absl::Status status = files.status();
+  if (status.ok()) status = PutInPlace({files->begin(), files->end()}, folder);
+  std::error_code ignored;
+  fs::remove_all(unfinished, ignored);
+  RETURN_IF_ERROR(status);
+  for (std::string& file : *files) {
+    file = (fs::path(folder) / fs::path(file).filename()).string();
   }
   return files;
 }

@@ -59,8 +59,8 @@ absl::StatusOr<std::string> WritePoseCalibration(const std::string& folder,
                                                  const PoseSolution& solution,
                                                  const PoseProvenance& provenance);
 
-// Everything but the residuals of single corners. Millimetres and degrees have such names, all else
-// is in metres and radians.
+// Everything but the residuals of single corners, and of pairs of poses nothing of corners.
+// Millimetres and degrees have such names, all else is in metres and radians.
 nlohmann::ordered_json PosesJson(const PoseSolution& solution);
 
 std::string PosesText(const PoseSolution& solution);
@@ -68,11 +68,17 @@ std::string PosesText(const PoseSolution& solution);
 // Writes camera models with their poses, calibration.yaml, poses.json and residuals.csv into
 // `folder`, which it makes. A camera on the flange has its pose in the flange's frame. Its file is
 // named VIEW.flange.cameramodel, and calibration.yaml does not contain it. `draw` adds
-// residuals_VIEW.png. Returns the files.
+// residuals_VIEW.png. Existing files stay until all new ones are written. If the program is killed
+// meanwhile, cameras of two calibrations never import as one. Returns the files.
 absl::StatusOr<std::vector<std::string>> WritePoses(const std::string& folder,
                                                     const PoseProblem& problem,
                                                     const PoseSolution& solution,
                                                     const PoseProvenance& provenance, bool draw);
+
+// What is said of a report that IsStable refuses, where it has neither refusal nor doubts.
+inline constexpr char kNotStable[] =
+    "the calibration is not stable: other frames give another, as the report's warnings say; mend "
+    "what they name, or add frames";
 
 // MakeReport over the workspace of WorkspacePointsOf, saying on stderr what it does; their errors.
 absl::StatusOr<QualityReport> ReportOn(PoseProblem problem, const PoseSources& sources,

@@ -15,7 +15,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "calib/boards/csv.h"
+#include "calib/intrinsics/lens_doubts.h"
+#include "calib/intrinsics/solve_lenses.h"
 #include "calib/poses/pose_calibration.h"
+#include "calib/report/quality_report.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "common/yaml/strict_yaml.h"
@@ -215,19 +218,28 @@ struct FoundLenses {
   std::vector<std::string> files;
 };
 
+// `last`: refuses also what `intrinsics` refuses of a solution.
 absl::StatusOr<LensSolution> SolveSessionLenses(const Cell& cell, const SessionSettings& settings,
-                                                const SessionRecord& record) {
+                                                const SessionRecord& record, bool last) {
   std::vector<LensCamera> cameras;
   for (const ViewSettings& view : cell.views) {
     cameras.push_back({.name = view.name, .width = view.image_width, .height = view.image_height});
   }
   Steps steps("lenses");
+  const LensSettings lens_settings{.step = [&](const std::string& step) { steps.Begin(step); }};
+  const std::vector<Board>& boards = settings.tags.boards;
   absl::StatusOr<LensSolution> solution =
-      SolveLenses(cameras, settings.tags.boards, record.sightings,
-                  {.step = [&](const std::string& step) { steps.Begin(step); }});
-  if (solution.ok()) return solution;
-  return absl::Status(solution.status().code(),
-                      absl::StrCat("the lenses: ", solution.status().message()));
+      SolveLenses(cameras, boards, record.sightings, lens_settings);
+  absl::Status status = solution.status();
+  if (!status.ok()) {
+    const std::string wrong = WrongGaps(boards, record.sightings);
+    status = absl::Status(status.code(),
+                          absl::StrCat(status.message(), wrong.empty() ? "" : "; ", wrong));
+  } else if (last) {
+    status = CheckFit(cameras, boards, record.sightings, lens_settings, *solution);
+  }
+  if (status.ok()) return solution;
+  return absl::Status(status.code(), absl::StrCat("the lenses: ", status.message()));
 }
 
 // The folder of the camera models.
@@ -238,10 +250,10 @@ std::string LensFolder(const std::string& session) {
 // The lenses of a session to which none were given, from the boards in its images. It looks at the
 // images twice: corners are better once the lenses are known. The better ones take their place in
 // `record` and its file; camera models go to the folder `lenses` of the session's. The errors are
-// SolveLenses', those of files besides.
+// SolveLenses' and CheckFit's, those of files besides.
 absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot,
                                        const SessionSettings& settings, SessionRecord& record) {
-  ASSIGN_OR_RETURN(LensSolution solution, SolveSessionLenses(cell, settings, record));
+  ASSIGN_OR_RETURN(LensSolution solution, SolveSessionLenses(cell, settings, record, false));
   std::vector<std::string> views;
   DetectSettings known{.boards = settings.tags.boards};
   for (const SolvedCamera& camera : solution.cameras) {
@@ -250,7 +262,7 @@ absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot
   }
   ASSIGN_OR_RETURN(record.sightings, DetectAgain(settings.folder, record.frames, views, known));
   RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
-  ASSIGN_OR_RETURN(solution, SolveSessionLenses(cell, settings, record));
+  ASSIGN_OR_RETURN(solution, SolveSessionLenses(cell, settings, record, true));
   // That no board ties cameras together is no matter: the robot does.
   if (solution.groups.size() > 1) solution.warnings.pop_back();
   FoundLenses found{.solution = std::move(solution), .files = {}};
@@ -274,14 +286,28 @@ std::string PosesCommand(const RunArguments& arguments) {
                       arguments.flange_board, " --out ", InFolder(arguments, "cameras"));
 }
 
-// report.html in the session's folder; returns its path.
-absl::StatusOr<std::string> WriteSessionReport(const RunArguments& arguments,
-                                               const PoseProblem& problem,
-                                               const PoseSources& sources) {
-  ASSIGN_OR_RETURN(const QualityReport report, ReportOn(problem, sources));
-  const std::string page = InFolder(arguments, "report.html");
-  RETURN_IF_ERROR(WriteReport(report, sources, page, "").status());
-  return page;
+// The report, which is also written as report.html into the session's folder, and that file.
+struct SessionReport {
+  QualityReport report;
+  std::string page;
+};
+
+absl::StatusOr<SessionReport> ReportOnSession(const RunArguments& arguments,
+                                              const PoseProblem& problem,
+                                              const PoseSources& sources) {
+  SessionReport session{.report = {}, .page = InFolder(arguments, "report.html")};
+  ASSIGN_OR_RETURN(session.report, ReportOn(problem, sources));
+  RETURN_IF_ERROR(WriteReport(session.report, sources, session.page, "").status());
+  return session;
+}
+
+// What the report of an unstable calibration warns of goes into calibration.yaml. The solution's
+// own warnings get there anyway.
+void AddWarnings(const QualityReport& report, const PoseSolution& solution,
+                 storage::v1::CalibrationRecord& record) {
+  for (const std::string& warning : report.warnings) {
+    if (std::ranges::count(solution.warnings, warning) == 0) record.add_warnings(warning);
+  }
 }
 
 // `found`: the lenses, where they were not given.
@@ -300,22 +326,26 @@ absl::StatusOr<ExitCode> RunSolve(const RunArguments& arguments, const Cell& cel
   const absl::StatusOr<PoseSolution> solution = CalibratePosesInSteps(problem);
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
-    ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));
-    std::cerr << "what was seen is shown in " << page << std::endl;
+    ASSIGN_OR_RETURN(const auto judged, ReportOnSession(arguments, problem, sources));
+    std::cerr << "what was seen is shown in " << judged.page << std::endl;
     return kNo;
   }
   if (!solution.ok()) return solution.status();
+  ASSIGN_OR_RETURN(const auto judged, ReportOnSession(arguments, problem, sources));
+  const bool stable = IsStable(judged.report);
   PoseProvenance provenance{.command = "run", .lenses = lenses, .masks = MaskSizesOf(cell)};
   if (found) provenance.record = RecordOf(found->solution);
+  if (!stable) AddWarnings(judged.report, *solution, provenance.record);
   ASSIGN_OR_RETURN(auto files, WritePoses(InFolder(arguments, "cameras"), problem, *solution,
                                           provenance, arguments.draw));
-  ASSIGN_OR_RETURN(const auto page, WriteSessionReport(arguments, problem, sources));
-  files.push_back(page);
+  files.push_back(judged.page);
   nlohmann::ordered_json json = PosesJson(*solution);
   if (found) json["lenses"] = LensJson(found->solution, found->files);
   json["files"] = files;
   PrintResult(arguments.format, json, PosesText(*solution) + TextOfFiles(files));
-  return kDone;
+  if (stable) return kDone;
+  std::cerr << "silhouette-calibrate: " << kNotStable << " (" << judged.page << ")" << std::endl;
+  return kNo;
 }
 
 // After a session that did not come to its end.
@@ -425,7 +455,8 @@ void AddRunCommand(CLI::App& program, Run& run) {
       "other objects in the cell,\nnor does it check collisions with itself: watch it, and limit "
       "it "
       "with --joint.\n"
-      "Exit code 1: the images give no reliable calibration; the message states the reason.\n\n"
+      "Exit code 1: the images give no reliable calibration; the message states the reason.\n"
+      "It may be written nevertheless: do not use it.\n\n"
       "Example:\n"
       "  silhouette-calibrate run --cell cell.yaml --boards boards.yaml --out session\n"
       "  silhouette-db calibration import cell.lmdb session/cameras");

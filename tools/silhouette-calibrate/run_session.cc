@@ -101,6 +101,20 @@ std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
   return std::nullopt;
 }
 
+// The views that see the flange's board in a frame.
+std::vector<std::string> ViewsOfFlangeBoard(const SessionSettings& settings,
+                                            const std::vector<TagSighting>& sightings,
+                                            const std::string& frame) {
+  const Board& board = *std::ranges::find_if(settings.tags.boards, [&](const Board& one) {
+    return one.description().name == settings.flange_board;
+  });
+  std::set<std::string> views;
+  for (const TagSighting& seen : sightings) {
+    if (seen.frame == frame && board.HasTag(seen.family, seen.tag)) views.insert(seen.view);
+  }
+  return {views.begin(), views.end()};
+}
+
 // A robot at work: knows its grid joints for the forbidden regions.
 class Recorder {
  public:
@@ -111,10 +125,7 @@ class Recorder {
         settings_(settings),
         driver_(driver),
         cameras_(cameras),
-        detector_(settings.tags.boards),
-        flange_board_(std::ranges::find_if(settings.tags.boards, [&](const Board& board) {
-          return board.description().name == settings.flange_board;
-        })) {}
+        detector_(settings.tags.boards) {}
 
   // Where the robot stands, in the order of the model's joints.
   absl::StatusOr<PosePlan::Positions> Measure() {
@@ -145,7 +156,6 @@ class Recorder {
     ASSIGN_OR_RETURN(const std::vector<CameraImage> images, cameras_.Grab());
     std::vector<Picture> pictures;
     std::vector<TagSighting> sightings;
-    std::vector<std::string> views;
     for (size_t v = 0; v < images.size(); ++v) {
       const std::string& view = cameras_.views()[v];
       const CameraImage& image = images[v];
@@ -154,11 +164,8 @@ class Recorder {
                        Look(settings_.tags, detector_, pictures.back(), view, frame));
       const std::vector<TagSighting> found = SightingsOf(tags);
       sightings.insert(sightings.end(), found.begin(), found.end());
-      const bool seen = std::ranges::any_of(found, [&](const TagSighting& tag) {
-        return flange_board_->HasTag(tag.family, tag.tag);
-      });
-      if (seen) views.push_back(view);
     }
+    const std::vector<std::string> views = ViewsOfFlangeBoard(settings_, sightings, frame);
     if (views.empty()) return views;
     for (size_t v = 0; v < pictures.size(); ++v) {
       const fs::path place = fs::path(settings_.folder) / "images" / cameras_.views()[v];
@@ -192,19 +199,15 @@ class Recorder {
   Robot& driver_;
   CameraRig& cameras_;
   BoardDetector detector_;
-  const std::vector<Board>::const_iterator flange_board_;
 };
 
 std::string FrameName(size_t number) { return absl::StrFormat("%04d", number); }
 
 // Reports to the plan which views saw the flange's board in the frames of a resumed record.
-void ReportFrames(const SessionRecord& record, PosePlan& plan) {
+void ReportFrames(const SessionSettings& settings, const SessionRecord& record, PosePlan& plan) {
   for (size_t f = 0; f < record.frames.size(); ++f) {
-    std::set<std::string> views;
-    for (const TagSighting& sighting : record.sightings) {
-      if (sighting.frame == record.frames[f]) views.insert(sighting.view);
-    }
-    plan.Tell(record.positions[f], std::vector<std::string>(views.begin(), views.end()));
+    plan.Tell(record.positions[f],
+              ViewsOfFlangeBoard(settings, record.sightings, record.frames[f]));
   }
 }
 
@@ -266,7 +269,7 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            SessionRecord& record) {
   Recorder recorder(cell, robot, settings, driver, cameras);
   PosePlan plan(robot, settings.flange, settings.rest, settings.joints, settings.seed);
-  ReportFrames(record, plan);
+  ReportFrames(settings, record, plan);
   const bool listed = !settings.given.empty();
   const size_t wanted = listed ? settings.given.size() : settings.frames;
   Progress progress("taking images", wanted, listed ? "poses" : "frames");

@@ -2,8 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "calib/boards/board.h"
+#include "calib/boards/tag_family.h"
 
 namespace silhouette {
 namespace {
@@ -331,6 +335,35 @@ TEST(BoardFile, TagsOnTwoBoardsAreRefused) {
   EXPECT_EQ(BoardFileMessageFor("- {name: a, tag_size: 0.05}\n"
                                 "- {name: b, tag_size: 0.05, family: tag36h11}\n"),
             "");
+}
+
+TEST(BoardFile, MarkersThatLookTheSameUnderTwoNamesAreRefused) {
+  const auto message_for = [](const std::string& a, const std::string& b, int first_of_b) {
+    return BoardFileMessageFor("- {name: a, tag_size: 0.05, family: " + a +
+                               ", first_id: 3}\n- {name: b, tag_size: 0.05, family: " + b +
+                               ", first_id: " + std::to_string(first_of_b) + "}\n");
+  };
+  for (const auto& [a, b] : {std::pair("DICT_4X4_50", "DICT_4X4_1000"),
+                             {"DICT_5X5_250", "DICT_5X5_100"},
+                             {"DICT_6X6_50", "DICT_6X6_250"},
+                             {"DICT_7X7_1000", "DICT_7X7_50"},
+                             {"tag16h5", "DICT_APRILTAG_16h5"},
+                             {"DICT_APRILTAG_25h9", "tag25h9"},
+                             {"tag36h10", "DICT_APRILTAG_36h10"},
+                             {"DICT_APRILTAG_36h11", "tag36h11"}}) {
+    EXPECT_THAT(message_for(a, b, 3),
+                HasSubstr(std::string("both have tag 3 of ") + b + ", which is the one of " + a));
+    EXPECT_EQ(message_for(a, b, 4), "");
+    const std::vector<bool> one = TagFamily(a).Modules(3).white;
+    const std::vector<bool> other = TagFamily(b).Modules(3).white;
+    const std::vector<bool> turned(other.rbegin(), other.rend());
+    EXPECT_TRUE(one == other || one == turned) << a << ", " << b;
+  }
+  EXPECT_EQ(message_for("DICT_5X5_50", "DICT_ARUCO_ORIGINAL", 3), "");
+  EXPECT_EQ(message_for("tag36h11", "tag36h11b2", 3), "") << "its border is wider";
+  EXPECT_THAT(BoardFileMessageFor("- {name: a, tag_size: 0.05, family: DICT_4X4_100}\n"
+                                  "- {name: b, charuco: 5x5, square: 0.04, marker: 0.03}\n"),
+              HasSubstr("both have marker 0 of DICT_4X4_50, which is the one of DICT_4X4_100"));
 }
 
 // Their rims may overlap: OpenCV's GridBoards have gaps of a fraction of a marker.

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/fundamental/tag_drift.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
 
 namespace silhouette {
@@ -11,6 +13,8 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+using testing::ElementsAre;
+using testing::HasSubstr;
 
 constexpr double kFocal = 400;  // pixels, of images of 320 x 240
 constexpr double kNoise = 0.03;
@@ -22,10 +26,11 @@ Vector2d Seen(const Isometry3d& camera_from_cell, const Vector3d& point, double 
   return Vector2d(159.5, 119.5) + focal * at.head<2>() / at.z();
 }
 
-// Tags of 0.2 m on the floor, 3 to 4 m before the camera.
+// Tags of 0.2 m on the floor, 3 to 4 m before the camera, but for those that are `elsewhere_`.
 struct TagDriftTest : testing::Test {
   std::mt19937 random{1};
   double row_step_ = 0.7;  // metres, by which the second row is farther
+  std::map<int, Vector3d> elsewhere_;
 
   std::map<SeenTag, TagSighting> Look(const Isometry3d& camera_from_cell, int tags,
                                       double focal = kFocal) {
@@ -33,7 +38,8 @@ struct TagDriftTest : testing::Test {
     std::map<SeenTag, TagSighting> seen;
     for (int tag = 0; tag < tags; ++tag) {
       TagSighting sighting{.frame = "", .view = "left", .family = "f", .tag = tag, .sigma = kNoise};
-      const Vector3d at(-1 + 0.9 * (tag % 3), 0.7 - 0.8 * (tag / 3), 3.2 + row_step_ * (tag / 3));
+      Vector3d at(-1 + 0.9 * (tag % 3), 0.7 - 0.8 * (tag / 3), 3.2 + row_step_ * (tag / 3));
+      if (const auto other = elsewhere_.find(tag); other != elsewhere_.end()) at = other->second;
       for (const Vector2d& corner : {Vector2d(0, 0), {0.2, 0}, {0.2, 0.2}, {0, 0.2}}) {
         const Vector3d point = at + Vector3d(corner.x(), corner.y(), 0);
         sighting.corners.push_back(Seen(camera_from_cell, point, focal) +
@@ -103,6 +109,38 @@ TEST_F(TagDriftTest, CameraCarriedAndTurnedBackIsRarelyConfirmed) {
     EXPECT_GT(moved, 150);
     EXPECT_LE(confirmed, moved / 100);
   }
+}
+
+// Turned back, so that the far tags stay where they were in the image.
+TEST_F(TagDriftTest, CameraCarriedPastANearTagIsNotConfirmed) {
+  elsewhere_ = {{0, {-1.5, 1, 5}}, {1, {0, 1, 5}}, {2, {1.3, 1, 5}}, {3, {-0.1, -0.3, 1.2}}};
+  for (const double way : {0.008, 0.012, 0.02}) {
+    Isometry3d moved(Eigen::AngleAxisd(way / 5, -Vector3d::UnitY()));
+    moved.pretranslate(Vector3d(way, 0, 0));
+    for (int i = 0; i < 50; ++i) {
+      const ViewDrift drift = Drift(moved, 4);
+      EXPECT_FALSE(drift.checked);
+      EXPECT_GT(drift.moved_mask, TrueMotion(moved));
+      EXPECT_EQ(drift.corners, 16) << "all count";
+      EXPECT_THAT(drift.odd_tags, ElementsAre(SeenTag("left", "f", 3)));
+      EXPECT_THAT(drift.message,
+                  HasSubstr("tag 3 of f moved by itself, or the camera was carried: put it back"));
+    }
+  }
+}
+
+TEST_F(TagDriftTest, AnOddTagIsNamedWithItsFamily) {
+  std::map<SeenTag, TagSighting> before = Look(Isometry3d::Identity(), 3);
+  for (auto [key, sighting] : Look(Isometry3d::Identity(), 3)) {
+    sighting.family = "g";
+    before.emplace(SeenTag("left", "g", sighting.tag), sighting);
+  }
+  std::map<SeenTag, TagSighting> after = before;
+  for (Vector2d& corner : after.at({"left", "g", 1}).corners) corner.x() += 3;
+  const ViewDrift drift = DriftByTags("left", kSizes, before, after);
+  EXPECT_FALSE(drift.checked);
+  EXPECT_THAT(drift.odd_tags, ElementsAre(SeenTag("left", "g", 1)));
+  EXPECT_THAT(drift.message, HasSubstr("tag 1 of g moved by itself"));
 }
 
 TEST_F(TagDriftTest, ChangedFocusCounts) {

@@ -151,10 +151,23 @@ TEST(WeakPoses, FourFramesOfOneTagAreRefusedWithHowManyMoreWouldDo) {
 }
 
 TEST(WeakPoses, PosesThatOneFrameDecidesAreRefused) {
-  const absl::Status status = CalibratePoses(TurnedRig(9, 1).problem).status();
-  EXPECT_THAT(std::string(status.message()), HasSubstr("without the frame 'frame108'"));
+  EXPECT_THAT(Refusal(TurnedRig(9, 1).problem), HasSubstr("without the frame 'frame108'"));
+  EXPECT_THAT(Refusal(TurnedRig(14, 1).problem), HasSubstr("without the frame 'frame113'"));
   const absl::StatusOr<PoseSolution> enough = CalibratePoses(TurnedRig(11, 6).problem);
   EXPECT_TRUE(enough.ok()) << enough.status();
+}
+
+TEST(WeakPoses, AViewThatSawTheBoardOnceIsRefusedHoweverLongTheSession) {
+  PoseRig rig = FlangeRig(7, 4, 30);
+  std::string once;
+  std::erase_if(rig.problem.sightings, [&](const TagSighting& seen) {
+    if (seen.view != "camera3") return false;
+    const bool first = once.empty();
+    if (first) once = seen.frame;
+    return !first;
+  });
+  EXPECT_THAT(Refusal(rig.problem),
+              HasSubstr("without the frame '" + once + "' the pose of view 'camera3' is not"));
 }
 
 TEST(WeakPoses, ASurveyNeedsNoRobot) {

@@ -124,6 +124,15 @@ TEST(PoseMisfits, DoubtsCanBeAccepted) {
   EXPECT_THAT(solution->warnings, Contains(solution->doubts[0]));
 }
 
+// Accepted, the doubt is a warning.
+TEST(PoseMisfits, TheDoubtOfALensSaysThatMotionsAreNotLookedFor) {
+  PoseRig rig = FlangeRig(1, 3);
+  rig.problem.views[0].lens.distortion = {};
+  EXPECT_THAT(Refusal(rig.problem),
+              AllOf(HasSubstr("lens model of view 'camera0' does not fit"),
+                    HasSubstr("motions of cameras and boards during the session are not looked")));
+}
+
 // Points all over what camera0 of a rig sees, one metre before it.
 std::vector<Eigen::Vector3d> PointsBefore(const PoseRig& rig) {
   const CameraModel camera(rig.problem.views[0].lens, rig.camera_poses[0]);

@@ -145,6 +145,34 @@ TEST(PoseRefusals, ATagThatIsALittleLargerIsMentionedAndItsSizeFound) {
   EXPECT_EQ(stated->boards[0].size, 1);
 }
 
+// The wrist alone turns: a camera that is farther away sees a larger tag just so.
+TEST(PoseRefusals, ASizeThatTheMotionDoesNotCheckIsRefusedUnlessItIsVouchedFor) {
+  PoseRig rig(7, 1);
+  rig.AddFlangeBoard();
+  const Eigen::Vector3d at = rig.camera_poses[0].inverse().translation();
+  for (int i = 0; i < 20; ++i) {
+    Eigen::Isometry3d flange = rig.RandomFlange(at);
+    flange.translation() = Eigen::Vector3d(0, 0, 0.7);
+    rig.Take("frame" + std::to_string(100 + i), flange);
+  }
+  BoardDescription board = rig.problem.boards[0].board.description();
+  board.tag_size /= 1.03;
+  rig.problem.boards[0].board = Board(board);
+  const auto unchecked = HasSubstr("checks the size of board 'flange' (+- ");
+  EXPECT_THAT(Refusal(rig.problem),
+              AllOf(unchecked, HasSubstr("by 20 cm and more"), HasSubstr("--trust-size stated"),
+                    HasSubstr("--accept-doubts")));
+  rig.problem.size_trust = SizeTrust::kStated;
+  EXPECT_THAT(Warnings(rig.problem), Contains(unchecked));
+  rig.problem.size_trust = SizeTrust::kNeither;
+  rig.problem.accept_doubts = true;
+  const absl::StatusOr<PoseSolution> solution = CalibratePoses(rig.problem);
+  ASSERT_TRUE(solution.ok()) << solution.status();
+  EXPECT_THAT(solution->doubts, Contains(unchecked));
+  EXPECT_GT(PoseError(solution->views[0].camera_pose, rig.camera_poses[0]).tail<3>().norm(), 0.05)
+      << "which is why";
+}
+
 TEST(PoseRefusals, PosesShiftedByOneFrameAreTold) {
   for (const int by : {1, -1}) {
     PoseRig rig = FlangeRig(7, 4, 18);

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -179,6 +180,23 @@ TEST(QualityReport, ARefusalLeavesWhatWasSeen) {
   EXPECT_EQ(report.views[0].held_out.corners, 0);
   rig.problem.views.push_back(rig.problem.views[0]);
   EXPECT_EQ(MakeReport(rig.problem).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(QualityReport, ARefusalCountsEveryCornerOfAChessboardOnce) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  rig.problem.boards[0].board = Board(
+      {.name = "flange", .kind = BoardKind::kChessboard, .rows = 4, .columns = 5, .square = 0.03});
+  rig.Drive(30);
+  std::erase_if(rig.problem.sightings,
+                [](const TagSighting& seen) { return seen.view == "camera2"; });
+  const QualityReport report = ReportOf(rig.problem);
+  EXPECT_THAT(report.refusal, HasSubstr("'camera2'"));
+  for (const ReportView& view : report.views) {
+    const auto seen = std::ranges::count(rig.problem.sightings, view.name, &TagSighting::view);
+    EXPECT_EQ(view.corners, seen) << view.name;
+    EXPECT_EQ(std::ssize(view.points), seen) << view.name;
+  }
 }
 
 TEST(QualityReport, OfOneImageSurveyedBoardsAreHeldOut) {

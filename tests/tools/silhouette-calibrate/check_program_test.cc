@@ -4,11 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/files/calibration_check_file.h"
 #include "calib/files/camera_file.h"
@@ -149,6 +153,39 @@ TEST_F(CheckProgram, CamerasThatStandStillHold) {
   ASSERT_TRUE(check.ok()) << check.status();
   EXPECT_TRUE(check->Holds());
   for (const CheckedView& view : check->views) EXPECT_LT(view.moved_px, 0.4) << view.name;
+}
+
+TEST_F(CheckProgram, OldCornersAreNotTakenForWhatIsSeenNow) {
+  Import();
+  WriteCorners("now.csv", cameras_, 2);
+  const auto checked_at = [&] {
+    const Ended ended = Calibrate("check --database db --corners now.csv --out check.json");
+    EXPECT_EQ(ended.exit_code, 0) << ended.out << ended.err;
+    return CheckFromText(ContentOf(shell_.folder() / "check.json"), "check.json")->time;
+  };
+  const auto file = shell_.folder() / "now.csv";
+  const auto written = std::filesystem::last_write_time(file);
+  const absl::Time now = absl::Now();
+  EXPECT_LT(absl::AbsDuration(now - checked_at()), absl::Minutes(1));
+  std::filesystem::last_write_time(file, written - std::chrono::hours(30));
+  EXPECT_LT(absl::AbsDuration(now - absl::Hours(30) - checked_at()), absl::Minutes(1));
+  std::filesystem::last_write_time(file, written + std::chrono::hours(30));
+  EXPECT_LT(absl::AbsDuration(now - checked_at()), absl::Minutes(1));
+}
+
+TEST_F(CheckProgram, ATagThatMovedIsNamedAndItsViewIsNotConfirmed) {
+  Import();
+  auto now = SightingsFromText(ContentOf(shell_.folder() / "then.csv"), "then.csv");
+  ASSERT_TRUE(now.ok()) << now.status();
+  for (TagSighting& seen : *now) {
+    if (seen.view != cameras_[1].view || seen.tag != 2) continue;
+    for (Eigen::Vector2d& corner : seen.corners) corner.x() += 5;
+  }
+  WriteFile(shell_.folder() / "now.csv", SightingFileText(*now));
+  const Ended ended = Calibrate("check --database db --corners now.csv");
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_THAT(ended.out, HasSubstr("north: holds"));
+  EXPECT_THAT(ended.out, HasSubstr("east: not checked: tag 2 of tagStandard41h12 moved by itself"));
 }
 
 TEST_F(CheckProgram, ACameraThatTurnedIsFoundAndMeasured) {

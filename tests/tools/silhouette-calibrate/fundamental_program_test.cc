@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
 #include "calib/boards/sighting_file.h"
@@ -19,7 +20,9 @@ namespace silhouette {
 namespace {
 
 using Json = nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 class FundamentalProgram : public testing::Test {
  protected:
@@ -31,6 +34,22 @@ class FundamentalProgram : public testing::Test {
       WriteFile(shell_.folder() / "cameras" / CameraFileName(camera.view),
                 CameraFileText(camera.model, camera.view));
     }
+  }
+  // What these cameras see of five tags on the floor.
+  void WriteFixedTags(const std::vector<NamedCamera>& cameras) const {
+    Chance chance(1);
+    std::vector<TagSighting> sightings;
+    for (int tag = 0; tag < 5; ++tag) {
+      const Board board({.name = "floor", .tag_size = 0.15, .first_id = tag});
+      Eigen::Isometry3d pose(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
+      pose.translation() = Eigen::Vector3d(0.5 * tag - 1, 0.3 * (tag % 3) - 0.4, 0);
+      for (const NamedCamera& camera : cameras) {
+        const auto seen = ProjectTags(camera, "1", board, pose,
+                                      {.sigma = 0.05, .least_size = 8, .most_tilt = 1.5}, chance);
+        sightings.insert(sightings.end(), seen.begin(), seen.end());
+      }
+    }
+    WriteFile(shell_.folder() / "then.csv", SightingFileText(sightings));
   }
   Ended Run(const std::string& arguments) const {
     return shell_.Run(ProgramFolder() + "/silhouette-calibrate fundamental " + arguments);
@@ -113,6 +132,43 @@ TEST_F(FundamentalProgram, WritesNoMatrixThatDistortionMakesWrong) {
   }
   EXPECT_EQ(Run("--cameras cameras --mask-size 64x64 --undistorted-images --out m.yaml").exit_code,
             0);
+}
+
+constexpr char kFixed[] =
+    "--cameras cameras --mask-size 64x64 --calibration calibration.yaml --fixed-tags then.csv";
+
+TEST_F(FundamentalProgram, FixedTagsOfACameraThatMovedAreRefused) {
+  WriteCell(-0.2);
+  WriteFixedTags(cameras_);
+  const Ended still = Run(kFixed);
+  EXPECT_EQ(still.exit_code, 0) << still.err;
+  EXPECT_EQ(still.err, "");
+  EXPECT_THAT(ContentOf(shell_.folder() / "calibration.yaml"), HasSubstr("fixed_tags"));
+  std::filesystem::remove(shell_.folder() / "calibration.yaml");
+
+  // Half a degree: 4.6 px, across the lines.
+  const CameraModel& east = cameras_[1].model;
+  const Eigen::Isometry3d turn(
+      Eigen::AngleAxisd(0.5 * std::numbers::pi / 180, Eigen::Vector3d::UnitX()));
+  cameras_[1].model = CameraModel(east.intrinsics(), turn * east.camera_from_world());
+  WriteFixedTags(cameras_);
+  const Ended moved = Run(kFixed);
+  EXPECT_EQ(moved.exit_code, 2);
+  EXPECT_THAT(moved.err, HasSubstr("a camera moved after it was calibrated"));
+  EXPECT_THAT(moved.err, HasSubstr("'east' and 'north' by "));
+  EXPECT_THAT(moved.err, HasSubstr("the limit is 0.2 mask px; calibrate again"));
+  EXPECT_THAT(moved.err, Not(HasSubstr("'north' and 'south'")));
+  EXPECT_FALSE(std::filesystem::exists(shell_.folder() / "calibration.yaml"));
+}
+
+TEST_F(FundamentalProgram, WarnsOfViewsThatShareNoFixedTagWithAnother) {
+  WriteCell(0);
+  WriteFixedTags({cameras_[0], cameras_[1]});
+  const Ended ended = Run(kFixed);
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_THAT(ended.err, AllOf(HasSubstr("view 'south' shares no fixed tag with another"),
+                               HasSubstr("view 'west' shares no fixed tag with another"),
+                               Not(HasSubstr("'north'")), Not(HasSubstr("'east'"))));
 }
 
 TEST_F(FundamentalProgram, DrawsEveryPair) {

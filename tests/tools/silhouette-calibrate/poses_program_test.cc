@@ -236,10 +236,8 @@ std::string NumbersOf(const Eigen::Isometry3d& pose) {
   return text;
 }
 
-TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
-  PoseRig rig(4, 1);
-  rig.AddFlangeBoard();
-  rig.Drive(12);
+// A session of pairs, as MoveIt records it.
+std::string SamplesOf(const PoseRig& rig) {
   std::string samples;
   for (const RobotPose& robot : rig.problem.robot_poses) {
     absl::StrAppend(&samples, "- effector_wrt_world: [", NumbersOf(robot.base_from_flange),
@@ -247,7 +245,14 @@ TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
                     NumbersOf(rig.camera_poses[0] * robot.base_from_flange * rig.board_poses[0]),
                     "]\n");
   }
-  Write("samples.yaml", samples);
+  return samples;
+}
+
+TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  Write("samples.yaml", SamplesOf(rig));
   const CameraModel lens(rig.problem.views[0].lens);
   const std::string command =
       absl::StrCat("poses --cameras lenses --pairs camera0=samples.yaml ", "--cell ",
@@ -261,6 +266,57 @@ TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
   EXPECT_EQ(Run(command + " --accept-doubts").exit_code, 0);
   Write("lenses/camera0.cameramodel", CameraFileText(lens, "camera0"));
   EXPECT_EQ(Run(command).exit_code, 0);
+}
+
+TEST_F(CalibratePosesProgram, PairsHaveNoFiguresOfCornersAndTakeNoOptionsOfThem) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  WriteRig(rig);
+  Write("samples.yaml", SamplesOf(rig));
+  const std::string command = "poses --cameras lenses --pairs camera0=samples.yaml --out cameras ";
+  for (const char* option :
+       {"--sigma 1", "--robot-sigma 1mm,1deg", "--least-frames 20", "--draw"}) {
+    const Ended refused = Run(command + option);
+    EXPECT_EQ(refused.exit_code, 2) << option;
+    EXPECT_THAT(refused.err, HasSubstr("--pairs"));
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  const Ended ended = Run(command + "--format json");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  const Json result = Json::parse(ended.out);
+  EXPECT_FALSE(result.contains("chi2_per_dof"));
+  EXPECT_FALSE(result["views"][0].contains("rms_px"));
+  EXPECT_TRUE(result["views"][0].contains("workspace_sigma_mm"));
+  EXPECT_THAT(ContentOf(folder_ / "cameras/calibration.yaml"),
+              AllOf(HasSubstr("workspace_sigma"), Not(HasSubstr("chi2_per_dof")),
+                    Not(HasSubstr("corner_rms"))));
+}
+
+// Files may grow to 4 KB: residuals.csv is longer, and the program dies as at a full disk.
+TEST_F(CalibratePosesProgram, ACalibrationThatCannotBeWrittenWholeLeavesThePreviousOne) {
+  PoseRig rig(3);
+  rig.AddFlangeBoard();
+  rig.Drive(20);
+  WriteRig(rig);
+  Write("poses.csv", RobotPoseFileText(rig.problem.robot_poses));
+  const std::string command =
+      absl::StrCat(kFiles, "--robot-poses poses.csv --flange-board flange --out cameras");
+  ASSERT_EQ(Run(command).exit_code, 0);
+  const auto camera = [&] { return ContentOf(folder_ / "cameras/camera0.cameramodel"); };
+  const auto calibration = [&] { return ContentOf(folder_ / "cameras/calibration.yaml"); };
+  const std::string previous_camera = camera();
+  const std::string previous = calibration();
+  rig.problem.sightings.resize(rig.problem.sightings.size() - 5);
+  WriteRig(rig);
+  const Ended cut_short =
+      shell_.Run("ulimit -f 8; " + ProgramFolder() + "/silhouette-calibrate " + command);
+  EXPECT_NE(cut_short.exit_code, 0);
+  EXPECT_EQ(camera(), previous_camera);
+  EXPECT_EQ(calibration(), previous);
+  ASSERT_EQ(Run(command).exit_code, 0);
+  EXPECT_NE(camera(), previous_camera);
+  EXPECT_FALSE(fs::exists(folder_ / "cameras/.unfinished"));
 }
 
 TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {

@@ -6,8 +6,14 @@
 #include <chrono>
 #include <filesystem>
 
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_replace.h"
+#include "calib/boards/board.h"
+#include "calib/boards/sighting_file.h"
 #include "calib/files/camera_file.h"
+#include "calib/robot/robot_model.h"
 #include "capture/sim/simulation.h"
+#include "tests/calib/poses/pose_rig.h"
 #include "tests/folders.h"
 #include "tests/shell.h"
 
@@ -19,6 +25,7 @@ using testing::HasSubstr;
 using testing::Not;
 
 const std::string kDemo = SourceFolder() + "/capture/sim/cells/demo";
+const std::string kRobot = SourceFolder() + "/capture/sim/robots/rx130.urdf";
 
 class CalibrateRun : public testing::Test {
  protected:
@@ -119,8 +126,7 @@ noise: 1.5
 simulation: simulation.yaml
 robot:
   driver: sim
-  urdf: )" + SourceFolder() +
-                                         R"(/capture/sim/robots/rx130.urdf
+  urdf: )" + kRobot + R"(
   joints:
     - {name: joint_1, lower: -150 deg, upper: 150 deg}
     - {name: joint_3, lower: -120 deg, upper: 110 deg}
@@ -129,6 +135,51 @@ grid: {max_move: 0.35}
 views: [{name: left, source: sim, image_size: [480, 360], mask_size: [64, 64]}]
 capture: {settle: 0}
 )");
+  }
+  // The board on the robot is as WriteCell has it, but described in another way.
+  void DescribeBoard(const std::string& gap_and_first_id) {
+    WriteFile(folder_ / "mounted.yaml", ContentOf(folder_ / "boards.yaml"));
+    WriteFile(folder_ / "simulation.yaml",
+              absl::StrReplaceAll(ContentOf(folder_ / "simulation.yaml"),
+                                  {{"boards.yaml", "mounted.yaml"}}));
+    WriteFile(folder_ / "boards.yaml",
+              "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, " +
+                  gap_and_first_id + "}\n");
+  }
+  // A recorded session of an exact robot. After half of it the camera is moved by `pushed` metres.
+  void WriteSession(double pushed) {
+    constexpr int kFrames = 80;
+    PoseRig rig(6, 1);
+    rig.problem.views[0].name = "left";
+    rig.corner_sigma = 0.01;
+    rig.AddFlangeBoard();
+    const RobotModel robot = *RobotModel::FromUrdf(kRobot);
+    size_t flange = 0;
+    while (robot.links()[flange].name != "flange") ++flange;
+    std::string joints = "frame,joint_1,joint_2,joint_3,joint_4,joint_5,joint_6\n";
+    for (int i = 0; i < kFrames; ++i) {
+      if (i == kFrames / 2) {
+        rig.camera_poses[0] = Eigen::Translation3d(pushed, 0, 0) * rig.camera_poses[0];
+      }
+      const std::vector<double> at = {rig.Uniform(-2, 2),      rig.Uniform(-0.3, 0.6),
+                                      rig.Uniform(0.8, 1.6),   rig.Uniform(-1, 1),
+                                      rig.Uniform(-1.8, -0.9), rig.Uniform(-2, 2)};
+      const std::string frame = absl::StrFormat("%04d", i + 1);
+      rig.Take(frame, robot.LinkPoses(at)[flange] * rig.SmallMotion(0.04e-3, 7e-5));
+      joints += frame;
+      for (const double joint : at) absl::StrAppendFormat(&joints, ",%.12g", joint);
+      joints += "\n";
+    }
+    const fs::path session_folder = session();
+    WriteFile(session_folder / "joints.csv", joints);
+    WriteFile(session_folder / "corners.csv", SightingFileText(rig.problem.sightings));
+    WriteFile(folder_ / "boards.yaml", BoardFileText(std::vector{rig.problem.boards[0].board}));
+    WriteFile(folder_ / "lenses/left.cameramodel",
+              CameraFileText(CameraModel(rig.problem.views[0].lens), "left"));
+    for (const char* file : {"cell.yaml", "simulation.yaml"}) {
+      WriteFile(folder_ / file,
+                absl::StrReplaceAll(ContentOf(folder_ / file), {{"[480, 360]", "[1280, 960]"}}));
+    }
   }
   std::string Command(const std::string& options) {
     const std::string folder = folder_.string();
@@ -156,17 +207,33 @@ TEST_F(CalibrateRunWithoutLenses, FindsThemFromTheBoardOnTheFlange) {
               HasSubstr("lens_rim_sigma"));
 }
 
+TEST_F(CalibrateRunWithoutLenses, WhatIntrinsicsRefusesIsRefused) {
+  WriteCell("");
+  DescribeBoard("gap: 0.08, first_id: 0");
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 14")), 1) << err();
+  EXPECT_THAT(err(), HasSubstr("the gaps between the tags of board 'flange' are about 1.00 of a "
+                               "tag (90 mm), not 0.89 (80 mm)"));
+  EXPECT_FALSE(fs::exists(fs::path(session()) / "cameras"));
+}
+
+TEST_F(CalibrateRunWithoutLenses, ACalibrationThatItsReportFindsUnstableIsANo) {
+  WriteCell("");
+  const std::string solve =
+      Command("--frames 80 --resume --robot-sigma 0.04mm,0.004deg --cameras " +
+              (folder_ / "lenses").string());
+  const fs::path calibration = fs::path(session()) / "cameras/calibration.yaml";
+  WriteSession(0);
+  EXPECT_EQ(Run("silhouette-calibrate", solve), 0) << err();
+  EXPECT_THAT(ContentOf(calibration), Not(HasSubstr("the first half of the frames")));
+  WriteSession(0.55e-3);
+  EXPECT_EQ(Run("silhouette-calibrate", solve), 1) << err();
+  EXPECT_THAT(err(), HasSubstr("the calibration is not stable"));
+  EXPECT_THAT(ContentOf(calibration), HasSubstr("between the first half of the frames and the "));
+}
+
 TEST_F(CalibrateRunWithoutLenses, ABoardThatNoCameraSeesIsToldSoon) {
   WriteCell("");
-  WriteFile(folder_ / "boards.yaml",
-            "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
-            "gap: 0.09, first_id: 60}\n");
-  WriteFile(folder_ / "mounted.yaml",
-            "- {name: flange, family: tagStandard41h12, rows: 3, columns: 4, tag_size: 0.09, "
-            "gap: 0.09, first_id: 0}\n");
-  std::string simulation = ContentOf(folder_ / "simulation.yaml");
-  simulation.replace(simulation.find("boards.yaml"), 6, "mounted");
-  WriteFile(folder_ / "simulation.yaml", simulation);
+  DescribeBoard("gap: 0.09, first_id: 60");
   EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 20")), 2);
   EXPECT_THAT(err(), HasSubstr("the board 'flange' was seen in 0 of 20 poses only"));
 }
