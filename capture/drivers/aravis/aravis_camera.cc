@@ -165,8 +165,7 @@ class GenicamCamera : public CameraSource {
     const guint64 sent = arv_buffer_get_timestamp(buffer);
     if (sent == 0) return absl::ZeroDuration();
     // Nothing has piled up while acquisition starts.
-    return lateness_.Of(absl::Nanoseconds(sent), RunningNow() - (absl::Now() - arrived))
-        .value_or(absl::ZeroDuration());
+    return lateness_.Of(absl::Nanoseconds(sent), RunningNow() - (absl::Now() - arrived));
   }
 
   // Throws away all that is under way.

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -59,10 +61,20 @@ void CallAllCameras(absl::Duration wanted) {
   arv_update_device_list();
 }
 
-// Whether there is a GigE camera at the address: asked by GigE Vision's discovery message (its
-// control protocol, GVCP), sent to it alone. Aravis opens one camera after the other and waits
-// seconds for each that is not there; this may be asked for many at the same time.
-bool Answers(GInetAddress* address) {
+// The serial number in the answer to GigE Vision's discovery message; empty: it has none.
+std::string SerialIn(std::string_view answer) {
+  constexpr size_t kPlace = 8 + 0xd8;  // header, then a copy of the first registers
+  constexpr size_t kMost = 16;
+  if (answer.size() < kPlace) return "";
+  const std::string_view serial = answer.substr(kPlace, kMost);
+  return std::string(serial.substr(0, serial.find('\0')));
+}
+
+// The serial number of the GigE camera at the address, empty if it has none; nothing: no camera
+// answers there. Asked by GigE Vision's discovery message (its control protocol, GVCP), sent to it
+// alone. Aravis opens one camera after the other and waits seconds for each that is not there; this
+// may be asked for many at the same time.
+std::optional<std::string> SerialAt(GInetAddress* address) {
   constexpr guint16 kControlPort = 3956;
   constexpr std::array<char, 8> kDiscovery = {0x42, 0x01, 0, 0x02, 0, 0, 0, 0x01};
   constexpr gint64 kWaitMicroseconds = 300'000;
@@ -72,7 +84,7 @@ bool Answers(GInetAddress* address) {
   const std::unique_ptr<GSocket, Unref> socket(g_socket_new(
       g_inet_address_get_family(address), G_SOCKET_TYPE_DATAGRAM, G_SOCKET_PROTOCOL_UDP, nullptr));
   if (socket == nullptr || !g_socket_connect(socket.get(), camera.get(), nullptr, nullptr)) {
-    return false;
+    return std::nullopt;
   }
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     g_socket_send(socket.get(), kDiscovery.data(), kDiscovery.size(), nullptr, nullptr);
@@ -81,17 +93,25 @@ bool Answers(GInetAddress* address) {
       continue;
     }
     char answer[1024];
-    if (g_socket_receive(socket.get(), answer, sizeof(answer), nullptr, nullptr) > 0) return true;
+    const gssize size = g_socket_receive(socket.get(), answer, sizeof(answer), nullptr, nullptr);
+    if (size > 0) return SerialIn({answer, static_cast<size_t>(size)});
     absl::SleepFor(absl::Microseconds(kWaitMicroseconds));  // refused; its machine may be starting
   }
-  return false;
+  return std::nullopt;
 }
 
-// `place`: PlaceOf(), or an address of the cell's file.
-absl::StatusOr<ArvCamera*> NewCamera(const std::string& place) {
+// `place`: PlaceOf(), or an address of the cell's file. Unavailable, too: cameras have exchanged
+// their addresses, and another one than `serial` is there; empty: any.
+absl::StatusOr<ArvCamera*> NewCamera(const std::string& place, const std::string& serial) {
   const std::unique_ptr<GInetAddress, Unref> address(g_inet_address_new_from_string(place.c_str()));
-  if (address != nullptr && !Answers(address.get())) {
-    return absl::UnavailableError("nothing is heard from it");
+  if (address != nullptr) {
+    const std::optional<std::string> there = SerialAt(address.get());
+    if (!there) return absl::UnavailableError("nothing is heard from it");
+    if (!serial.empty() && !there->empty() && *there != serial) {
+      return absl::UnavailableError(
+          absl::StrCat("at its address is the camera with the serial number '", *there, "', not '",
+                       serial, "'"));
+    }
   }
   return Ask(kAravisDeviceGone, arv_camera_new, place.c_str());
 }
@@ -259,7 +279,7 @@ absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
     }
     if (id.empty()) return NotFound(source);
   }
-  const auto camera = NewCamera(id);
+  const auto camera = NewCamera(id, source.serial);
   if (!camera.ok() || *camera == nullptr) {
     if (source.address.empty()) CallAllCameras(wanted);  // the next attempt finds it elsewhere
     return absl::UnavailableError(

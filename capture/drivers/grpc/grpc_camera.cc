@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
+#include "capture/drivers/grpc/driver_channel.h"
 #include "capture/drivers/grpc/driver_status.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "common/picture/camera_image.h"
@@ -26,7 +27,6 @@ namespace {
 
 // How far the clock of a driver's machine may be off.
 constexpr absl::Duration kClockTolerance = absl::Milliseconds(20);
-constexpr int kLargestMessage = 1 << 30;
 constexpr char kDriver[] = "camera driver";
 
 // The deadline of a call that begins now, which gRPC takes by the wall clock and keeps by another.
@@ -55,12 +55,7 @@ class GrpcCameras : public CameraSource {
   GrpcCameras(std::string address, const std::shared_ptr<grpc::ChannelCredentials>& credentials,
               const std::vector<GrpcView>& views, absl::Duration timeout)
       : address_(std::move(address)), timeout_(timeout) {
-    grpc::ChannelArguments arguments;
-    arguments.SetMaxReceiveMessageSize(kLargestMessage);
-    // A driver that was started again is found again soon.
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-    stub_ = v1::CameraDriverService::NewStub(
-        grpc::CreateCustomChannel(address_, credentials, arguments));
+    stub_ = v1::CameraDriverService::NewStub(DriverChannel(address_, credentials));
     for (const GrpcView& view : views) {
       views_.push_back(view.view);
       request_.add_cameras(view.camera);

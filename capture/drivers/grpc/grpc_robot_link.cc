@@ -17,6 +17,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
 #include "capture/devices/running_clock.h"
+#include "capture/drivers/grpc/driver_channel.h"
 #include "capture/drivers/grpc/driver_status.h"
 #include "db/status/status_macros.h"
 #include "proto/tls/channel_credentials.h"
@@ -186,7 +187,7 @@ class GrpcRobotLink : public ControllerLink {
 absl::StatusOr<std::unique_ptr<ControllerLink>> ConnectGrpcRobot(
     const GrpcRobotSettings& settings) {
   ASSIGN_OR_RETURN(const auto credentials, ChannelCredentialsFor(settings.address, settings.tls));
-  const std::shared_ptr<grpc::Channel> channel = grpc::CreateChannel(settings.address, credentials);
+  const std::shared_ptr<grpc::Channel> channel = DriverChannel(settings.address, credentials);
   const auto stub = v1::RobotDriverService::NewStub(channel);
   grpc::ClientContext context;
   context.set_deadline(absl::ToChronoTime(absl::Now() + settings.timeout));

@@ -15,7 +15,8 @@
 namespace silhouette {
 
 // A V4L2 camera with images of width x height. NotFound: there is no such device; Unavailable: it
-// cannot be opened. FailedPrecondition: it does not take the size, the exposure or the gain.
+// cannot be opened. FailedPrecondition: it does not take the size, the exposure or the gain, or
+// does not switch its automatic exposure off.
 //
 // A thread reads whatever comes, so that nothing old waits in a buffer. An image counts if it comes
 // no sooner than `latency` after it was asked for; `captured` is `latency` before it came.

@@ -1,6 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // V4L2 cameras and RTSP streams: devices that send images all the time.
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <sys/ioctl.h>
+
 #include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <cstdint>
 #include <filesystem>
@@ -21,6 +26,7 @@
 #include "capture/drivers/opencv/image_stream.h"
 #include "capture/drivers/opencv/opencv_camera.h"
 #include "capture/drivers/opencv/rtsp_round_trip.h"
+#include "capture/drivers/robots/tcp_socket.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
 
@@ -29,6 +35,8 @@ namespace {
 
 // How much later than `latency` an image may be without being late.
 constexpr absl::Duration kInTime = absl::Milliseconds(100);
+// How long after its opening no image of a stream may count as in time (see Lateness).
+constexpr absl::Duration kToSettle = absl::Seconds(2);
 // Between two attempts to open a stream again.
 constexpr std::chrono::milliseconds kReopenPause(500);
 // Between two measurements of the round trip; a delay that sets in may be underestimated by a
@@ -44,10 +52,13 @@ class StreamCamera : public CameraSource {
                absl::Duration latency, absl::Duration timeout)
       : views_{view}, latency_(latency), timeout_(timeout), url_(url), stream_(std::move(stream)) {}
 
-  // Once.
+  // Once. Waits for the first image that counts, as long as it may take.
   absl::Status Start() {
     RETURN_IF_ERROR(OpenStream());
     reader_ = std::thread([this] { ReadAll(); });
+    std::unique_lock lock(mutex_);
+    changed_.wait_for(lock, absl::ToChronoNanoseconds(kToSettle + timeout_),
+                      [&] { return settled_ || !wrong_.ok(); });
     return absl::OkStatus();
   }
 
@@ -103,6 +114,7 @@ class StreamCamera : public CameraSource {
     const absl::Duration held_up = HeldUp(now);
     if (held_up <= latency_ + kInTime) {
       in_time_ = now;
+      Settle();
     } else if (now - in_time_ > timeout_) {
       return "its images come late";
     }
@@ -126,7 +138,8 @@ class StreamCamera : public CameraSource {
   absl::Duration HeldUp(absl::Duration now) {
     const std::optional<absl::Duration> sent = stream_->sent();
     if (!sent) return absl::ZeroDuration();
-    return lateness_.Of(*sent, now).value_or(absl::InfiniteDuration());
+    const absl::Duration late = lateness_.Of(*sent, now);
+    return lateness_.settled() ? late : absl::InfiniteDuration();
   }
 
   // Whether an image that was taken at `taken` or later is the one that is waited for.
@@ -145,7 +158,14 @@ class StreamCamera : public CameraSource {
       std::unique_lock lock(mutex_);
       if (changed_.wait_for(lock, kReopenPause, [&] { return stopping_; })) return;
     }
-    Tell(absl::OkStatus());
+  }
+
+  // Its images are believed: it is open again.
+  void Settle() {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(settled_, true)) return;
+    wrong_ = absl::OkStatus();
+    changed_.notify_all();
   }
 
   absl::Status OpenStream() {
@@ -153,7 +173,7 @@ class StreamCamera : public CameraSource {
     RETURN_IF_ERROR(stream_->Open());
     const absl::Duration opened = RunningNow();
     lateness_ = {};
-    in_time_ = opened;
+    in_time_ = opened + kToSettle;
     measuring_ = {};
     measure_at_ = absl::InfiniteDuration();
     round_trip_ = absl::ZeroDuration();
@@ -184,9 +204,11 @@ class StreamCamera : public CameraSource {
     return true;
   }
 
+  // Why there are no images, until one is believed again.
   void Tell(const absl::Status& status) {
     const std::lock_guard lock(mutex_);
     wrong_ = status;
+    settled_ = false;
     changed_.notify_all();
   }
 
@@ -206,6 +228,7 @@ class StreamCamera : public CameraSource {
   std::mutex mutex_;  // guards all below
   std::condition_variable changed_;
   bool stopping_ = false;
+  bool settled_ = false;                 // an image came that is believed
   absl::Status wrong_;                   // why there are no images just now
   std::optional<absl::Duration> asked_;  // since when an image is waited for
   std::optional<CameraImage> image_;
@@ -223,23 +246,42 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view
   return camera;
 }
 
+// OpenCV does not know this control; a camera may lack it.
+void SwitchAutomaticGainOff(const std::string& device) {
+  const FileDescriptor file(open(device.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC));
+  v4l2_control automatic{.id = V4L2_CID_AUTOGAIN, .value = 0};
+  ioctl(file.get(), VIDIOC_S_CTRL, &automatic);
+}
+
 // Fixes exposure, gain and what else a camera may change by itself. Units: Linux, V4L2 controls;
-// the exposure counts 100 us, the automatic one is off with 1 (V4L2_EXPOSURE_MANUAL).
+// the exposure counts 100 us.
 absl::Status FixExposure(cv::VideoCapture& camera, const V4l2Source& source) {
+  const auto refused = [&](const auto&... what) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(source.device, " ", what..., "; see v4l2-ctl --list-ctrls"));
+  };
   camera.set(cv::CAP_PROP_AUTOFOCUS, 0);
   camera.set(cv::CAP_PROP_AUTO_WB, 0);
-  const bool manual = camera.set(cv::CAP_PROP_AUTO_EXPOSURE, 1);
+  SwitchAutomaticGainOff(source.device);
+  camera.set(cv::CAP_PROP_AUTO_EXPOSURE, V4L2_EXPOSURE_MANUAL);
+  const auto mode = static_cast<int>(camera.get(cv::CAP_PROP_AUTO_EXPOSURE));  // -1: it has none
+  if (mode == V4L2_EXPOSURE_AUTO || mode == V4L2_EXPOSURE_APERTURE_PRIORITY) {
+    return refused("does not switch its automatic exposure off");
+  }
   if (source.exposure) {
     const double wanted = absl::ToDoubleMicroseconds(*source.exposure) / 100;
-    if (!manual || !camera.set(cv::CAP_PROP_EXPOSURE, wanted)) {
-      return absl::FailedPreconditionError(
-          absl::StrCat(source.device, " does not take the exposure ", SpokenTime(*source.exposure),
-                       "; see v4l2-ctl --list-ctrls"));
+    if (!camera.set(cv::CAP_PROP_EXPOSURE, wanted)) {
+      return refused("does not take the exposure ", SpokenTime(*source.exposure));
+    }
+    // A driver takes the nearest that is possible.
+    const double taken = camera.get(cv::CAP_PROP_EXPOSURE);
+    if (taken > 0 && std::abs(taken - wanted) > std::max(1.0, 0.1 * wanted)) {
+      return refused("takes the exposure ", SpokenTime(absl::Microseconds(100 * taken)),
+                     " instead of ", SpokenTime(*source.exposure));
     }
   }
   if (source.gain && !camera.set(cv::CAP_PROP_GAIN, *source.gain)) {
-    return absl::FailedPreconditionError(absl::StrCat(source.device, " does not take the gain ",
-                                                      *source.gain, "; see v4l2-ctl --list-ctrls"));
+    return refused("does not take the gain ", *source.gain);
   }
   return absl::OkStatus();
 }

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "capture/devices/running_clock.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -81,6 +82,7 @@ SimpleMessageLink::~SimpleMessageLink() {
 
 void SimpleMessageLink::Start(Observer observer) {
   observer_ = std::move(observer);
+  heard_ = RunningNow();
   thread_ = std::thread([this] { Read(); });
 }
 
@@ -124,7 +126,13 @@ absl::Status SimpleMessageLink::Move(std::span<const double> goal, absl::Duratio
 }
 
 absl::Status SimpleMessageLink::Stop() {
-  return Request(PointOf(simple_message::kStopTrajectory, {}, absl::ZeroDuration()), "stop");
+  const Message stop = PointOf(simple_message::kStopTrajectory, {}, absl::ZeroDuration());
+  absl::Status status = Request(stop, "stop");
+  // Over a new connection: the old one may be dead.
+  if (absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status)) {
+    status = Request(stop, "stop");
+  }
+  return status;
 }
 
 absl::Status SimpleMessageLink::Request(const Message& request, const std::string& what) {
@@ -154,6 +162,8 @@ absl::Status SimpleMessageLink::Request(const Message& request, const std::strin
     return In(address, absl::UnavailableError("the connection is lost"));
   }
   if (answers_ < number) {
+    motion_ = FileDescriptor();
+    answered_.notify_all();
     return In(address,
               absl::DeadlineExceededError(absl::StrCat("no answer to the command to ", what)));
   }
@@ -212,6 +222,13 @@ void SimpleMessageLink::ReadMotion() {
 void SimpleMessageLink::ReadState() {
   const absl::StatusOr<std::vector<uint8_t>> bytes = ReceiveSome(state_);
   if (!bytes.ok()) return LoseState(bytes.status());
+  const absl::Duration now = RunningNow();
+  if (!bytes->empty()) heard_ = now;
+  // A controller that was switched off does not close its connections.
+  if (now - heard_ > settings_.timeout) {
+    return LoseState(absl::UnavailableError(absl::StrCat(
+        "no state came for ", SpokenTime(settings_.timeout), "; the connection is lost")));
+  }
   state_reader_.Append(*bytes);
   while (true) {
     const absl::StatusOr<std::optional<Message>> message = state_reader_.Next();
@@ -235,6 +252,7 @@ void SimpleMessageLink::ConnectAgain() {
       ConnectTcp(settings_.host, settings_.state_port, settings_.timeout);
   if (!socket.ok()) return;
   state_ = *std::move(socket);
+  heard_ = RunningNow();
   state_reader_ = MessageReader(settings_.byte_order);
 }
 

@@ -26,8 +26,8 @@ namespace silhouette {
 
 // The state comes as JOINT_POSITION or JOINT_FEEDBACK (of the first group), and STATUS. Motion is
 // commanded with JOINT_TRAJ_PT or JOINT_TRAJ_PT_FULL. The motion connection is made when it is
-// needed first, and again after it was lost, for a robot that must be stopped; that of the state is
-// made again every now and then.
+// needed first, and again after it was lost or an answer did not come, for a robot that must be
+// stopped; that of the state is made again every now and then, also if no state comes.
 class SimpleMessageLink : public ControllerLink {
  public:
   // Connects to the state's port. Unavailable, InvalidArgument: ConnectTcp's. Throws
@@ -38,7 +38,8 @@ class SimpleMessageLink : public ControllerLink {
 
   const std::vector<std::string>& joints() const override { return settings_.joints; }
   void Start(Observer observer) override;
-  // Aborted: the controller refuses. Unavailable, DeadlineExceeded: it cannot be told.
+  // Aborted: the controller refuses. Unavailable, DeadlineExceeded: it cannot be told; a stop was
+  // tried twice then.
   absl::Status Move(std::span<const double> goal, absl::Duration duration) override;
   absl::Status Stop() override;
 
@@ -70,7 +71,8 @@ class SimpleMessageLink : public ControllerLink {
   // Of the reading thread.
   FileDescriptor state_;
   simple_message::MessageReader state_reader_;
-  absl::Duration next_try_;  // running clock
+  absl::Duration next_try_;  // running clock, as heard_
+  absl::Duration heard_;     // when the last of the state came
   std::optional<simple_message::RobotStatus> status_;
 
   std::mutex mutex_;  // guards all below

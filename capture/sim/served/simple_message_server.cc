@@ -105,6 +105,12 @@ void SimpleMessageServer::SendState() {
     fault_ = ConnectionFault::kNone;
     return;
   }
+  if (fault == ConnectionFault::kDead) {
+    for (std::vector<Client>* clients : {&motion_clients_, &state_clients_}) {
+      for (Client& client : *clients) client.dead = true;
+    }
+    fault_ = ConnectionFault::kNone;
+  }
   if (fault == ConnectionFault::kSilent || half_sent_) return;
   std::vector<uint8_t> bytes = StateBytes();
   if (fault == ConnectionFault::kHalf) {
@@ -113,6 +119,7 @@ void SimpleMessageServer::SendState() {
   }
   if (fault == ConnectionFault::kGarbage) std::fill(bytes.begin(), bytes.end(), uint8_t{0xa5});
   std::erase_if(state_clients_, [&](const Client& client) {
+    if (client.dead) return false;
     return !SendAll(client.socket, bytes, kSendTimeout).ok() || !ReceiveSome(client.socket).ok();
   });
 }
@@ -120,6 +127,7 @@ void SimpleMessageServer::SendState() {
 bool SimpleMessageServer::Serve(Client& client) {
   const absl::StatusOr<std::vector<uint8_t>> bytes = ReceiveSome(client.socket);
   if (!bytes.ok()) return false;
+  if (client.dead) return true;
   client.reader.Append(*bytes);
   while (true) {
     const absl::StatusOr<std::optional<Message>> message = client.reader.Next();

@@ -36,6 +36,7 @@ enum class ConnectionFault {
   kHalf,     // the state ends in the middle of a message
   kGarbage,  // the state is no simple_message
   kClosed,   // both connections are closed, once
+  kDead,     // both carry nothing more, as if it was switched off and on; new ones work
 };
 
 class SimpleMessageServer {
@@ -55,6 +56,7 @@ class SimpleMessageServer {
   struct Client {
     FileDescriptor socket;
     simple_message::MessageReader reader;
+    bool dead = false;  // nothing passes any more
   };
 
   SimpleMessageServer(SimulatedController& controller, SimpleMessageServerSettings settings,

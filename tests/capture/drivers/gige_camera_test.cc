@@ -175,6 +175,22 @@ TEST_F(GigeCamera, SeveralThatWentAwayComeBackTogether) {
   EXPECT_EQ(Pixels(*images), Truth());
 }
 
+TEST_F(GigeCamera, WhoseAddressAnotherOneHasNowIsFoundAgainByItsSerialNumber) {
+  const auto set = Open({"top"});
+  ASSERT_TRUE(set->Grab().ok());
+  cameras_.reset();
+  EXPECT_FALSE(set->Grab().ok());
+  const std::vector<SimulatedView> views = views_->views();
+  views_ = *ServedViews::Create(cell_, {views.rbegin(), views.rend()});
+  Serve();
+  absl::StatusOr<std::vector<CameraImage>> images = set->Grab();
+  EXPECT_THAT(images.status().message(),
+              HasSubstr("the camera with the serial number 'back', not 'top'"));
+  for (int i = 0; i < 20 && !images.ok(); ++i) images = set->Grab();
+  ASSERT_TRUE(images.ok()) << images.status();
+  EXPECT_EQ(images->front().pixels, Truth().back());
+}
+
 struct ColourGigeCamera : GigeCamera {
   ColourGigeCamera() : GigeCamera(/*colour=*/true) {}
 

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <functional>
 #include <future>
 #include <memory>
@@ -139,6 +140,15 @@ TEST_F(GrpcRobotTest, DriverThatNamesItsJointsInAnotherOrderIsNotBelieved) {
     return absl::StrContains(robot->State().status().message(),
                              "now names the joints bend, turn, slide and named turn, bend, slide");
   }));
+}
+
+TEST_F(GrpcRobotTest, ProxyOfTheEnvironmentIsNotUsed) {
+  for (const char* direct : {"no_grpc_proxy", "no_proxy"}) unsetenv(direct);
+  setenv("http_proxy", "http://127.0.0.1:1", /*overwrite=*/1);
+  const absl::Status status =
+      ConnectGrpcRobot({.address = server_->address(), .timeout = kTimeout}).status();
+  unsetenv("http_proxy");
+  EXPECT_TRUE(status.ok()) << status;
 }
 
 TEST_F(GrpcRobotTest, NobodyThereIsSaidWithTheAddress) {

@@ -223,6 +223,28 @@ TEST_F(SimpleMessageRobotTest, SilenceOnTheWayStopsTheRobot) {
   ExpectWorks();
 }
 
+TEST_F(SimpleMessageRobotTest, ConnectionsThatCarryNothingStopTheRobotOverANewOne) {
+  const auto robot = Connect({.joint_speed = 0.05});
+  std::future<absl::Status> move =
+      std::async(std::launch::async, [&] { return robot->MoveTo(kThere); });
+  ASSERT_TRUE(Eventually([&] { return controller_.state().moving; }));
+  server_->SetFault(ConnectionFault::kDead);
+  const absl::Status status = move.get();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_GT(controller_.stops(), 0) << status;
+  EXPECT_FALSE(controller_.state().moving);
+  ExpectWorks();
+}
+
+TEST_F(SimpleMessageRobotTest, RobotThatWasSwitchedOffAndOnIsFoundAgain) {
+  const auto robot = Connect();
+  ASSERT_TRUE(robot->MoveTo(kThere).ok());
+  server_->SetFault(ConnectionFault::kDead);
+  ASSERT_TRUE(Eventually([&] { return !robot->State().ok(); }));
+  EXPECT_TRUE(Eventually([&] { return robot->State().ok(); }));
+  EXPECT_TRUE(Eventually([&] { return robot->MoveTo(kHere).ok(); }));
+}
+
 TEST_F(SimpleMessageRobotTest, SilenceThatNobodyNoticedIsToldOnce) {
   const auto robot = Connect({.joint_speed = 4, .silence = absl::Milliseconds(300)});
   ASSERT_TRUE(Eventually([&] { return robot->State().ok(); }));

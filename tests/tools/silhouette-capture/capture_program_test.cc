@@ -215,6 +215,25 @@ TEST_F(CaptureProgram, CellWithoutDevicesIsToldWhatToPutWhere) {
   ExpectMistake(cell_.Run(cell_.Arguments("reference")), "no camera for the view 'back'");
 }
 
+TEST_F(CaptureProgram, TwoViewsWithTheSameCameraAreAMistake) {
+  const auto with = [&](const std::string& top, const std::string& front) {
+    cell_.WriteCell({{"name: top, source: sim", "name: top, source: " + top},
+                     {"name: front, source: sim", "name: front, source: " + front}});
+    return cell_.Run(cell_.Arguments("reference"));
+  };
+  const std::string same = "the views 'top' and 'front' have the same camera, ";
+  ExpectMistake(with("{gige: {serial: abc}}", "{gige: {serial: abc}}"), same + "abc");
+  ExpectMistake(with("{rtsp: 'rtsp://127.0.0.1:9/x'}", "{rtsp: 'rtsp://me:secret@127.0.0.1:9/x'}"),
+                same + "rtsp://127.0.0.1:9/x");
+  ExpectMistake(with("{grpc: {address: 'localhost:1', camera: a}}",
+                     "{grpc: {address: 'localhost:1', camera: a}}"),
+                same + "'a' of the driver at localhost:1");
+  const std::string two_of_a_driver = with("{grpc: {address: 'localhost:1', timeout: 10 ms}}",
+                                           "{grpc: {address: 'localhost:1', timeout: 10 ms}}")
+                                          .err;
+  EXPECT_THAT(two_of_a_driver, Not(HasSubstr("same camera")));
+}
+
 TEST_F(CaptureProgram, WrongCommandLinesAreTold) {
   ExpectMistake(cell_.Run({}), "subcommand");
   ExpectMistake(cell_.Run({"run"}), "--cell");

@@ -12,6 +12,7 @@
 #include "capture/drivers/aravis/aravis_camera.h"
 #include "capture/drivers/grpc/grpc_camera.h"
 #include "capture/drivers/opencv/opencv_camera.h"
+#include "capture/drivers/opencv/rtsp_round_trip.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -65,14 +66,21 @@ struct SourceOpener {
   OpenedSource operator()(const std::monostate&) const { return nullptr; }
 };
 
-// What only one view can have, as text; empty: nothing.
-std::string OwnDevice(const ImageSource& source) {
-  if (const auto* camera = std::get_if<GenicamSource>(&source)) {
-    return camera->serial + camera->address;
+// What only one view can have, as text for messages; empty: nothing.
+struct OwnDevice {
+  std::string operator()(const GenicamSource& source) const {
+    return source.serial + source.address;
   }
-  const auto* camera = std::get_if<V4l2Source>(&source);
-  return camera == nullptr ? "" : camera->device;
-}
+  std::string operator()(const V4l2Source& source) const { return source.device; }
+  std::string operator()(const RtspSource& source) const { return WithoutPassword(source.url); }
+  std::string operator()(const GrpcSource& source) const {
+    return absl::StrCat("'", source.camera, "' of the driver at ", source.address);
+  }
+  template <typename Other>
+  std::string operator()(const Other&) const {
+    return "";
+  }
+};
 
 // The camera drivers of the cell, each with all of its views.
 absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSource>>& sources) {
@@ -118,7 +126,7 @@ absl::Status CheckCameras(const Cell& cell) {
                                             "' has no source of images; put 'source: sim' into it, "
                                             "or what its camera is (docs/cell.yaml)"));
     }
-    const std::string device = OwnDevice(view.source);
+    const std::string device = std::visit(OwnDevice(), view.source);
     const auto [other, is_new] = views.emplace(device, view.name);
     if (is_new || device.empty()) continue;
     return CellMistake(cell, absl::StrCat("the views '", other->second, "' and '", view.name,
