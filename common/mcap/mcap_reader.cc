@@ -142,20 +142,36 @@ void McapReader::TakeSummary() {
   Seek(begin);
 }
 
-absl::StatusOr<std::optional<Op>> McapReader::NextRecord() {
+bool McapReader::ReadBytes(std::string& bytes) {
+  const auto begin = static_cast<uint64_t>(in_.tellg());
+  if (in_.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return true;
+  constexpr uint64_t kBlock = 4096;  // the disk gives whole ones
+  for (uint64_t at = 0, size = 0; at < bytes.size(); at += size) {
+    size = std::min(kBlock - (begin + at) % kBlock, bytes.size() - at);
+    in_.clear();
+    in_.seekg(static_cast<std::streamoff>(begin + at));
+    if (!in_.read(&bytes[at], static_cast<std::streamsize>(size))) {
+      std::fill_n(bytes.begin() + static_cast<ptrdiff_t>(at), size, '\0');
+    }
+  }
+  in_.clear();
+  in_.seekg(static_cast<std::streamoff>(begin + bytes.size()));
+  return false;
+}
+
+std::optional<Op> McapReader::NextRecord() {
   std::string head(mcap::kRecordHead, '\0');
   record_ = size_ - left_;
   if (left_ < head.size()) return std::nullopt;
-  in_.read(head.data(), static_cast<std::streamsize>(head.size()));
+  readable_ = ReadBytes(head);
   left_ -= head.size();
   Fields fields(head);
   const Op op{fields.Take<uint8_t>()};
   const auto length = fields.Take<uint64_t>();
   if (length > left_ || length > kMostChunkBytes) return std::nullopt;
   bytes_.resize(length);
-  in_.read(bytes_.data(), static_cast<std::streamsize>(length));
+  readable_ = ReadBytes(bytes_) && readable_;
   left_ -= length;
-  if (!in_) return absl::DataLossError(absl::StrCat(path_, ": it cannot be read"));
   return op;
 }
 
@@ -192,9 +208,11 @@ absl::StatusOr<std::optional<McapReader::Message>> McapReader::NextInChunk() {
 }
 
 absl::StatusOr<std::optional<McapReader::Message>> McapReader::TakeNextRecord() {
-  ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
-  if (op) return TakeWhole(*op);
-  if (record_ == size_) {
+  const std::optional<Op> op = NextRecord();
+  if (op && readable_) return TakeWhole(*op);
+  if (op) {
+    LeaveOutRecord(*op, "the disk does not give all of a record");
+  } else if (record_ == size_) {
     cut_ = true;
     End();
   } else {
@@ -239,8 +257,7 @@ absl::StatusOr<std::optional<McapReader::Message>> McapReader::TakeWhole(Op op) 
   }
   if (status.ok()) return std::nullopt;
   if (!absl::IsDataLoss(status)) return status;
-  if (op == Op::kChunk) unread_ = record_ + 1;  // not this one again
-  LeaveOut(std::string(status.message()));
+  LeaveOutRecord(op, std::string(status.message()));
   return std::nullopt;
 }
 
@@ -249,6 +266,11 @@ void McapReader::NoteDamage(std::string_view what) {
     first_damage_ = absl::StrCat("at byte ", record_, " (", std::string(what), ")");
   }
   after_damage_ = true;
+}
+
+void McapReader::LeaveOutRecord(Op op, std::string_view what) {
+  if (op == Op::kChunk) unread_ = record_ + 1;  // not this one again
+  LeaveOut(what);
 }
 
 void McapReader::LeaveOut(std::string_view what) {
@@ -266,7 +288,7 @@ bool McapReader::FindChunk() {
     Seek(begin);
     // Chunks may begin anywhere in it, and their heads go beyond it.
     block.resize(std::min(size_ - begin, kBlock + kChunkHead - 1));
-    if (!in_.read(block.data(), static_cast<std::streamsize>(block.size()))) return false;
+    ReadBytes(block);
     for (uint64_t at = 0; at + kChunkHead <= block.size(); ++at) {
       if (!CanBeChunk(std::string_view(block).substr(at), size_ - begin - at)) continue;
       Seek(begin + at);
@@ -303,7 +325,10 @@ absl::StatusOr<McapReader::Message> McapReader::Read(const Place& place) {
       absl::DataLossError(absl::StrCat(path_, ": it was changed while it was read"));
   if (chunk_record_ != place.record) {
     Seek(place.record);
-    ASSIGN_OR_RETURN(const std::optional<Op> op, NextRecord());
+    const std::optional<Op> op = NextRecord();
+    if (op && !readable_) {
+      return absl::DataLossError(absl::StrCat(path_, ": it cannot be read"));
+    }
     if (op != Op::kMessage && (op != Op::kChunk || !TakeChunk(bytes_).ok())) return changed;
     if (op == Op::kMessage) {
       auto message = MessageFrom(bytes_, place);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads an MCAP file from its beginning to its end: chunks without compression or with LZ4. What is
-// damaged is left out and named: after it, reading goes on with the next whole chunk that has LZ4.
+// damaged or not given by the disk is left out and named: after it, reading goes on with the next
+// whole chunk that has LZ4.
 #pragma once
 
 #include <cstdint>
@@ -38,12 +39,12 @@ class McapReader {
     std::string data;
   };
   // The next message as they stand in the file, without those that are damaged; nothing at its end,
-  // or where it was cut. DataLoss: the disk does not give it. Unimplemented: another compression.
+  // or where it was cut. Unimplemented: another compression.
   absl::StatusOr<std::optional<Message>> Next();
 
   // A message that Next() returned, again; only once Next() has returned nothing. Messages of one
-  // chunk, one after the other, are decompressed once. Errors as those of Next(); DataLoss
-  // also: the file was changed since.
+  // chunk, one after the other, are decompressed once. DataLoss: the disk does not give it, or the
+  // file was changed since.
   absl::StatusOr<Message> Read(const Place& place);
 
   // Whether the file has no end: it was cut, or is still written. Known when Next() returned
@@ -62,14 +63,17 @@ class McapReader {
   // Schemas, channels and the number of messages from the end of the file, if that is whole.
   void TakeSummary();
   void Seek(uint64_t place);
-  // The next record of the file into op and bytes_; nothing if it does not fit.
-  absl::StatusOr<std::optional<mcap::Op>> NextRecord();
+  // The next bytes of the file, zeros where the disk does not give them; false: not all of them.
+  bool ReadBytes(std::string& bytes);
+  // The next record of the file into op, bytes_ and readable_; nothing if it does not fit.
+  std::optional<mcap::Op> NextRecord();
   // The next record of the file, whole or not; a message of it.
   absl::StatusOr<std::optional<Message>> TakeNextRecord();
   absl::StatusOr<std::optional<Message>> TakeWhole(mcap::Op op);
   absl::StatusOr<std::optional<Message>> NextInChunk();
   void NoteDamage(std::string_view what);
-  // Goes on with the next chunk that was not read.
+  // Goes on with the next chunk that was not read; LeaveOutRecord: after this one.
+  void LeaveOutRecord(mcap::Op op, std::string_view what);
   void LeaveOut(std::string_view what);
   // Goes to the first record from unread_ on that can be a chunk; false: there is none.
   bool FindChunk();
@@ -86,6 +90,7 @@ class McapReader {
   uint64_t left_;              // bytes of the file
   uint64_t record_ = 0;        // where the record begins
   std::string bytes_;          // of the record
+  bool readable_ = true;       // the disk gave all of it
   std::string chunk_;          // records
   uint64_t chunk_record_ = 0;  // where the record of this chunk begins; 0: there is none
   uint64_t unread_ = 0;        // from here on there may be chunks that were not read

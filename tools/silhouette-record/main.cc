@@ -97,13 +97,33 @@ class Program {
   // One connection, until it ends: why it ended, OK if nothing more is wanted.
   absl::Status RecordOnce() {
     client::SceneWatch watch = client_.WatchScenes(arguments_.images);
+    database_known_ = false;
     while (!StopRequested()) {
       const auto news = watch.Next(kLook);
       if (!news.ok() && !absl::IsDeadlineExceeded(news.status())) return news.status();
-      if (news.ok()) RETURN_IF_ERROR(Take(*news));
+      if (news.ok()) {
+        if (absl::Status taken = Take(*news); !taken.ok()) {
+          TakeQueued(watch, *news);
+          return taken;
+        }
+      }
       Flush();
     }
     return absl::OkStatus();
+  }
+
+  // Whether the message is of the generation that the recorder's files are of.
+  bool Fits(const v1::WatchScenesResponse& news) const {
+    return database_known_ && (!news.has_state() || news.state().database_generation() ==
+                                                        recorder_->database().generation());
+  }
+
+  // What has come after `news` from a server that does not answer any more.
+  void TakeQueued(client::SceneWatch& watch, absl::StatusOr<v1::WatchScenesResponse> news) {
+    while (news.ok() && Fits(*news)) {
+      news = watch.Next(absl::ZeroDuration());
+      if (news.ok() && Fits(*news)) Keep(*news, Now());
+    }
   }
 
   absl::Status Take(const v1::WatchScenesResponse& news) {
@@ -113,8 +133,11 @@ class Program {
                                    absl::ToDoubleSeconds(now.running - *lost_since_)));
       lost_since_.reset();
     }
+    // First: after a stop the server may not answer any more.
+    const bool fits = Fits(news);
+    if (fits) Keep(news, now);
     // A file is of one generation. A new state may be that of another check of the calibration.
-    if (!recorder_ || news.has_state()) {
+    if (!database_known_ || news.has_state()) {
       ASSIGN_OR_RETURN(auto database, client_.GetDatabase());
       if (recorder_ && database.generation() == recorder_->database().generation()) {
         recorder_->Update(std::move(database), now);
@@ -122,11 +145,16 @@ class Program {
         CloseFiles();
         recorder_.emplace(arguments_.recorder, std::move(database));
       }
+      database_known_ = true;
     }
+    if (!fits) Keep(news, now);
+    return absl::OkStatus();
+  }
+
+  void Keep(const v1::WatchScenesResponse& news, const RecorderTime& now) {
     const std::vector<RecordedStop> stops = recorder_->Take(news, now);
     if (!stops.empty()) FlushNow();
     for (const RecordedStop& stop : stops) NoteStop(stop);
-    return absl::OkStatus();
   }
 
   void NoteStop(const RecordedStop& stop) {
@@ -222,6 +250,7 @@ class Program {
   const Client client_;
   const Arguments arguments_;
   std::optional<Recorder> recorder_;
+  bool database_known_ = false;               // the recorder's is that of this connection's server
   std::optional<absl::Duration> lost_since_;  // running
   absl::Duration flushed_ = -absl::InfiniteDuration();
   bool disk_failed_ = false;

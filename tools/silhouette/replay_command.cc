@@ -5,8 +5,9 @@
 #include <iostream>
 #include <map>
 #include <memory>
-#include <set>
+#include <string>
 #include <thread>
+#include <utility>
 
 #include "absl/memory/memory.h"
 #include "absl/strings/str_cat.h"
@@ -30,6 +31,8 @@ constexpr absl::Duration kLookWhileFeeding = absl::Milliseconds(50);
 constexpr absl::Duration kQuiet = absl::Milliseconds(1200);
 // A scene that was recorded longer before a moment does not stand for it: there is a gap.
 constexpr absl::Duration kLongest = absl::Seconds(1);
+// Regions are allowed for so long, and again in time.
+constexpr absl::Duration kAllowedFor = absl::Minutes(10);
 
 struct ReplayArguments {
   std::string file;
@@ -93,7 +96,7 @@ class ReplayServer {
     return absl::WrapUnique(new ReplayServer(client, last));
   }
   ~ReplayServer() {
-    for (const std::string& name : allowed_) client_.RevokeRegion(name).IgnoreError();
+    for (const auto& [name, allowed] : allowed_) client_.RevokeRegion(name).IgnoreError();
   }
   ReplayServer(const ReplayServer&) = delete;
   ReplayServer& operator=(const ReplayServer&) = delete;
@@ -123,19 +126,28 @@ class ReplayServer {
     return scene->id();
   }
 
+  struct Allowed {
+    std::string asked;  // an AllowRegionRequest
+    client::RunningClock::time_point renewal;
+  };
+
   // Ends all others.
   absl::Status Allow(const v1::ServedState& state) {
-    std::set<std::string> old = allowed_;
+    const auto now = client::RunningClock::now();
+    std::map<std::string, Allowed> ended = allowed_;
     for (const v1::AllowedRegion& region : state.regions()) {
-      old.erase(region.name());
-      if (!allowed_.insert(region.name()).second) continue;
       v1::AllowRegionRequest request;
       request.set_name(region.name());
       *request.mutable_views() = region.views();
-      *request.mutable_duration() = client::ToMessage(absl::Minutes(10));
+      *request.mutable_duration() = client::ToMessage(kAllowedFor);
+      ended.erase(region.name());
+      Allowed& allowed = allowed_[region.name()];
+      std::string asked = request.SerializeAsString();
+      if (allowed.asked == asked && now < allowed.renewal) continue;
+      allowed = {std::move(asked), now + absl::ToChronoNanoseconds(kAllowedFor / 2)};
       RETURN_IF_ERROR(client_.AllowRegion(request).status());
     }
-    for (const std::string& name : old) {
+    for (const auto& [name, allowed] : ended) {
       RETURN_IF_ERROR(client_.RevokeRegion(name).status());
       allowed_.erase(name);
     }
@@ -144,7 +156,7 @@ class ReplayServer {
 
   const Client client_;
   uint64_t last_;
-  std::set<std::string> allowed_;
+  std::map<std::string, Allowed> allowed_;  // by name
 };
 
 // Of another generation, answers are of its robot images, not of those of the recording.
@@ -259,6 +271,23 @@ std::string SaidThen(const v1::WatchedPath& path) {
   }
 }
 
+// What `stated` leaves open is as it was asked then.
+Session AsAskedThen(const v1::CheckPathRequest& then, Session stated) {
+  if (stated.variant.empty()) stated.variant = then.variant();
+  client::Policy& policy = stated.policy;
+  const bool states_policy =
+      !policy.preset.empty() || policy.min_views || policy.max_occluded_views || policy.off_grid;
+  if (states_policy) return stated;
+  policy.preset = then.policy().preset();
+  if (then.policy().has_min_views()) policy.min_views = then.policy().min_views();
+  if (then.policy().has_max_occluded_views()) {
+    policy.max_occluded_views = then.policy().max_occluded_views();
+  }
+  if (then.policy().off_grid() == v1::OFF_GRID_CELL) policy.off_grid = client::OffGrid::kCell;
+  if (then.policy().off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = client::OffGrid::kNearest;
+  return stated;
+}
+
 // Checks each question as the moment was; without a server `unknown` is why nothing was known.
 absl::StatusOr<bool> Answer(const Session& session, const ReplayServer* server,
                             const std::vector<Question>& questions, const std::string& unknown,
@@ -277,10 +306,16 @@ absl::StatusOr<bool> Answer(const Session& session, const ReplayServer* server,
       answer.update({{"state", "unknown"}, {"message", unknown}});
       absl::StrAppend(&text, "unknown: ", unknown, "\n");
     } else {
-      ASSIGN_OR_RETURN(const client::PathCheck check,
-                       server->client()
-                           .WithVariant(session.variant)
-                           .CheckPath(question.waypoints, session.policy, session.clearance));
+      const v1::CheckPathRequest then =
+          question.watched ? question.watched->request() : v1::CheckPathRequest();
+      const Session asked = AsAskedThen(then, session);
+      const std::optional<double> resolution =
+          then.has_path_resolution() ? std::optional(then.path_resolution()) : std::nullopt;
+      ASSIGN_OR_RETURN(
+          const client::PathCheck check,
+          server->client()
+              .WithVariant(asked.variant)
+              .CheckPath(question.waypoints, asked.policy, asked.clearance, resolution));
       if (check.basis.scene_id != server->scene()) return InUse(server->client());
       all_free = all_free && check.verdict.free();
       answer.update(JsonOf(check, session.clearance));

@@ -89,6 +89,10 @@ struct FakeServer final : v1::CollisionService::Service,
                         v1::GetSceneResponse* response) override {
     return Answer(get_scene, context, request, response);
   }
+  grpc::Status WatchScenes(grpc::ServerContext* context, const v1::WatchScenesRequest* request,
+                           grpc::ServerWriter<v1::WatchScenesResponse>* writer) override {
+    return Answer(watch_scenes, context, request, writer);
+  }
   grpc::Status GetDatabase(grpc::ServerContext* context, const v1::GetDatabaseRequest* request,
                            v1::GetDatabaseResponse* response) override {
     return Answer(get_database, context, request, response);
@@ -109,6 +113,7 @@ struct FakeServer final : v1::CollisionService::Service,
       stream_checks;
   Handler<v1::PublishSceneRequest, v1::PublishSceneResponse> publish_scene;
   Handler<v1::GetSceneRequest, v1::GetSceneResponse> get_scene;
+  Handler<v1::WatchScenesRequest, grpc::ServerWriter<v1::WatchScenesResponse>> watch_scenes;
   Handler<v1::GetDatabaseRequest, v1::GetDatabaseResponse> get_database;
 
   std::string address;

@@ -7,6 +7,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <deque>
@@ -24,12 +25,25 @@
 
 namespace {
 bool no_file_shrinks = false;
+// Where a block of 4096 bytes begins that the disk does not give, of any file; below 0: there is
+// none.
+off_t bad_block = -1;
 }  // namespace
 
 // In place of that of the C library: as of a disk that fails.
 extern "C" int ftruncate(int file, off_t size) noexcept {
   if (no_file_shrinks) errno = EIO;
   return no_file_shrinks ? -1 : static_cast<int>(syscall(SYS_ftruncate, file, size));
+}
+
+extern "C" ssize_t read(int file, void* bytes, size_t size) {
+  const off_t at = bad_block < 0 ? -1 : lseek(file, 0, SEEK_CUR);
+  if (at >= bad_block && at >= 0 && at < bad_block + 4096) {
+    errno = EIO;
+    return -1;
+  }
+  if (at >= 0 && at < bad_block) size = std::min(size, static_cast<size_t>(bad_block - at));
+  return syscall(SYS_read, file, bytes, size);
 }
 
 namespace silhouette {
@@ -215,6 +229,24 @@ TEST_F(McapTest, DamageInAFileWithoutEndIsReadBeforeAndAfter) {
   EXPECT_TRUE(read.messages[2].after_damage);
   EXPECT_EQ(read.damage,
             absl::StrCat("is damaged at byte ", second - 41, " (a record is of no known kind)"));
+}
+
+TEST_F(McapTest, BlockThatTheDiskDoesNotGiveCostsItsChunk) {
+  const std::string path = folder_ / "file.mcap";
+  McapWriter writer(path, kChannels);
+  for (int i = 1; i <= 3; ++i) {
+    ASSERT_TRUE(writer.Write({At(i, std::to_string(i) + Noise(20'000))}).ok());
+  }
+  ASSERT_TRUE(writer.Close().ok());
+  bad_block = 28'672;  // within the second chunk
+  const Read read = ReadFile(path);
+  bad_block = -1;
+  EXPECT_TRUE(read.status.ok()) << read.status;
+  ASSERT_THAT(read.data, SizeIs(2));
+  EXPECT_EQ(read.data[0][0], '1');
+  EXPECT_EQ(read.data[1][0], '3');
+  EXPECT_TRUE(read.messages[1].after_damage);
+  EXPECT_THAT(read.damage, HasSubstr("(the disk does not give all of a record)"));
 }
 
 TEST_F(McapTest, BytesThatAreMissingBeforeTheFirstChunkCostNoMessage) {

@@ -14,6 +14,7 @@
 #include "common/recording/recording.h"
 #include "silhouette/client.h"
 #include "silhouette/messages.h"
+#include "tests/clients/cpp/fake_server.h"
 #include "tests/folders.h"
 #include "tests/tools/silhouette/small_served_cell.h"
 
@@ -161,6 +162,41 @@ TEST_F(RecordProgram, StopThatTheDiskDoesNotTakeIsSaidToWaitAndIsWrittenLater) {
   EXPECT_THAT((*recording)->summary().stops, SizeIs(1));
 }
 
+TEST_F(RecordProgram, StopAfterWhichTheServerAnswersNoMoreIsKept) {
+  const auto database = Client::Connect(cell_.address())->GetDatabase();
+  ASSERT_TRUE(database.ok()) << database.status();
+  const grpc::Status gone(grpc::StatusCode::UNAVAILABLE, "gone");
+  std::atomic<int> asked = 0;
+  std::atomic<int> watched = 0;
+  FakeServer server;
+  server.get_database = [&](auto&, const auto&, v1::GetDatabaseResponse& response) {
+    response = *database;
+    return asked++ == 0 ? grpc::Status::OK : gone;
+  };
+  server.watch_scenes = [&](grpc::ServerContext& context, const auto&,
+                            grpc::ServerWriter<v1::WatchScenesResponse>& writer) {
+    if (watched++ > 0) return gone;
+    v1::WatchScenesResponse news;
+    news.mutable_state()->set_database_generation(database->generation());
+    v1::WatchedPath& path = *news.add_paths();
+    path.set_id(1);
+    for (const auto state : {v1::Verdict::STATE_FREE, v1::Verdict::STATE_OCCUPIED}) {
+      path.mutable_answer()->mutable_check()->mutable_verdict()->set_state(state);
+      writer.Write(news);
+    }
+    while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return gone;
+  };
+  const auto record =
+      Start("silhouette-record " + server.address + " --folder r --format json", "record");
+  EXPECT_TRUE(Has("record", "\"event\":\"stop\""));
+  EXPECT_TRUE(Has("record", "\"event\":\"lost\""));
+  ASSERT_EQ(record->End(SIGINT), 0);
+  const auto recording = Recording::Open(Files("stop-").at(0));
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  EXPECT_THAT((*recording)->summary().stops, SizeIs(1));
+}
+
 TEST_F(RecordProgram, ReplayAnswersAsTheServerDidAndWhatAnotherPolicyWouldHaveSaid) {
   RecordAStop("");
   const std::string file = Files("recording-").at(0);
@@ -190,6 +226,30 @@ TEST_F(RecordProgram, ReplayAnswersAsTheServerDidAndWhatAnotherPolicyWouldHaveSa
   EXPECT_EQ(ask("--at " + at_stop + " --preset paper 0,1 1,1").exit_code, 0);
   const Ended text = ask("--at " + at_stop + " --preset paper");
   EXPECT_THAT(text.out, AllOf(HasSubstr("scene 2"), HasSubstr("then occupied; not free at")));
+}
+
+// One of two views shows the wall: enough by default, not for who asks for two.
+TEST_F(RecordProgram, ReplayAsksAsTheClientAskedThen) {
+  Publish(kNothing);
+  const auto record = Start("silhouette-record --folder r", "record");
+  const auto watch =
+      Start("silhouette watch --min-views 2 --format json " + std::string(kPath), "watch");
+  ASSERT_TRUE(Has("watch", "\"scene_id\":1"));
+  ASSERT_EQ(cell_.Publish(kWall, kNothing).exit_code, 0);
+  ASSERT_TRUE(Has("watch", "\"scene_id\":2"));
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  ASSERT_EQ(record->End(SIGINT), 0);
+  const std::string file = Files("recording-").at(0);
+  const auto recording = Recording::Open(file);
+  ASSERT_TRUE(recording.ok()) << recording.status();
+  const std::string at = absl::FormatTime(absl::RFC3339_full, (*recording)->summary().scenes.back(),
+                                          absl::UTCTimeZone());
+  const SmallServedCell other;
+  const auto ask = [&](const std::string& options) {
+    return Replay(file + " --to " + other.address() + " --at " + at + options);
+  };
+  EXPECT_EQ(ask("").exit_code, 0) << ask("").out;
+  EXPECT_EQ(ask(" --min-views 1").exit_code, 1);
 }
 
 TEST_F(RecordProgram, ReplayFeedsAServerWithTheSameScenes) {
