@@ -260,6 +260,11 @@ struct CellPage::Http {
                                                  httplib::Response& response) {
       Stream(serving, role, request, response);
     });
+    server.Get("/clock", [&serving](const httplib::Request& request, httplib::Response& response) {
+      if (RefusesOthers(request, response)) return;
+      const double clock = absl::ToDoubleSeconds(serving.settings.clock().running);
+      response.set_content(TextOf({{"clock", clock}}), "application/json");
+    });
     for (const char* const call : kPageCalls) {
       server.Post(call, [&serving, role, call](const httplib::Request& request,
                                                httplib::Response& response) {
@@ -324,7 +329,8 @@ struct CellPage::Http {
     if (!choice) return;
     if (streams.fetch_add(1) >= kMostStreams) {
       --streams;
-      return Refuse(response, 503, "As many look at this page as may.");
+      return Refuse(response, 503,
+                    absl::StrCat("At most ", kMostStreams, " pages show this cell: close one."));
     }
     const milliseconds settle =
         absl::ToChronoMilliseconds(serving.settings.map_time) + kAfterMapTime;

@@ -10,23 +10,31 @@ const COLOURS = {
 const CELLS = { f: [247, 247, 247], o: [140, 140, 140], u: [86, 180, 233] };
 const LOST_AFTER = 1.6;        // s without an event; the server sends one every 0.5 s
 const HISTORY = 300;           // s
+const CLOCK_EVERY = 1;         // s between questions for the server's clock
 const CLOCK_DRIFT = 0.0005;    // s/s, more than clocks drift
+const CLOCK_STEP = 0.1;        // s: a clock that differs by more was set, or its computer slept
+const UNBOUND = { ahead: Infinity, at: 0, wall: 0 };
+const MOST_TURNS = 20;         // of a path that is drawn
 
 const $ = (id) => document.getElementById(id);
 const replaying = $("replay") !== null;   // a recording (replay.js)
 document.documentElement.className = replaying ? "replay" : "live";
-let snapshot = null;           // the newest
+let newest = null;             // snapshot that came
+let snapshot = null;           // the one that is drawn, and judged
+let scheduled = false;         // whether a drawing is
 let stops = [];
 let role = "";                 // of the page: what it may change
-let source = null;
+let source = null;             // of events: aborts them
 let connected = false;
-let ahead = -Infinity;         // of the server's clock before ours, by the event that was under way least
+let refused = "";              // why the server sends no events
+let bound = UNBOUND;           // the server's clock was at most so much ahead of ours at a local time
 let heardAt = 0;
 let was = null;                // whether the last drawing was of something known
 let choice = { x: 0, y: 1, at: {} };   // at: by joint, only what is not to follow the robot
 const samples = [];            // one a second: {second, share (null: unknown), latency}
 
 const local = () => performance.now() / 1000;
+const wall = () => Date.now() / 1000 - local();   // changes while our computer sleeps: local() may not
 const text = (node, value) => { if (node.textContent !== value) node.textContent = value; };
 const rgb = (colour) => `rgb(${colour.join()})`;
 
@@ -47,7 +55,7 @@ function fill(node, data, make) {
 }
 
 const seconds = (message) => message ? parseFloat(message) : NaN;   // "0.040s"
-const duration = (s) => Number.isNaN(s) ? "–" : s < 1 ? `${Math.round(s * 1000)} ms`
+const duration = (s) => !Number.isFinite(s) ? "–" : s < 1 ? `${Math.round(s * 1000)} ms`
   : s < 120 ? `${s.toFixed(1)} s` : `${Math.round(s / 60)} min`;
 const count = (n) => Number(n).toLocaleString("en").replaceAll(",", "\u202f");
 const reason = (name) => name.replace(/^REASON_/, "").toLowerCase().replaceAll("_", " ");
@@ -62,33 +70,66 @@ function value(v, j) {
 const standsForAny = (joint) => joint.steps === 1 && joint.lower < joint.upper;   // its one value stands for any
 
 function heard(event) {
-  const { stops: newest, role: granted, now } = JSON.parse(event.data);
-  stops = newest;
+  const { stops: all, role: granted, now } = JSON.parse(event);
+  stops = all;
   role = granted;
-  snapshot = now.error ? { ...snapshot, error: now.error } : now;
   connected = true;
-  if (now.clock !== undefined) {
-    ahead = Math.max(now.clock - local(), ahead - CLOCK_DRIFT * (local() - heardAt));
-  }
   heardAt = local();
-  sample();
-  draw();
+  newest = now.error ? { ...newest, error: now.error } : { ...now, heardAt };
+  if (now.clock - heardAt > ahead() + CLOCK_STEP) bound = UNBOUND;   // a clock has jumped
+  sample(newest);
+  schedule();
 }
 
-// Seconds since the snapshot was made.
-const since = () => replaying ? 0 : Math.max(0, local() + ahead - snapshot.clock);
+// Draws once before the browser paints, however many events there were.
+function schedule() {
+  if (scheduled) return;
+  scheduled = true;
+  requestAnimationFrame(async () => {
+    try {
+      await draw();
+    } finally {
+      scheduled = false;
+    }
+    if (newest !== snapshot) schedule();
+  });
+}
 
-// What the page may say now: {known, status}.
-function judge() {
+// The most that the server's clock may be ahead of ours. Infinity: not known.
+function ahead() {
+  if (Math.abs(wall() - bound.wall) > CLOCK_STEP) return Infinity;
+  return bound.ahead + CLOCK_DRIFT * (local() - bound.at);
+}
+
+// The server reads its clock after the question, so no connection is too slow for this bound.
+async function followClock(opened) {
+  while (opened === source) {
+    const asked = { at: local(), wall: wall() };
+    const clock = await fetch("clock", { cache: "no-store", signal: AbortSignal.timeout(5000) })
+      .then((answer) => answer.json()).then((answer) => answer.clock).catch(() => NaN);
+    if (opened === source && clock - asked.at < ahead()) bound = { ahead: clock - asked.at, ...asked };
+    await new Promise((done) => { setTimeout(done, CLOCK_EVERY * 1000); });
+  }
+}
+
+// Seconds since a snapshot was made, at most. Infinity: not known.
+const since = (of = snapshot) => replaying ? 0 : Math.max(0, local() + ahead() - of.clock);
+// The same, at least.
+const sinceHeard = () => replaying ? 0 : local() - snapshot.heardAt;
+
+// What the page may say now of a snapshot: {known, status}.
+function judge(of = snapshot) {
   if (replaying) return judgeRecorded();
-  if (snapshot === null) return { known: false, status: connected ? "Waiting" : "Connecting" };
+  if (refused) return { known: false, status: refused };
+  if (of === null) return { known: false, status: connected ? "Waiting" : "Connecting" };
   if (!connected || local() - heardAt > LOST_AFTER) {
     return { known: false, status: "Connection lost: nothing here is current" };
   }
-  if (snapshot.error) return { known: false, status: `Unknown: ${snapshot.error}` };
-  if (since() > LOST_AFTER) return { known: false, status: "Updates are late: nothing here is current" };
-  if (snapshot.blocked) return { known: false, status: `Not serving: ${snapshot.blocked}` };
-  if (since() >= snapshot.valid_for) return { known: false, status: "Not serving: scene stale" };
+  if (of.error) return { known: false, status: `Unknown: ${of.error}` };
+  if (since(of) === Infinity) return { known: false, status: "Connecting" };
+  if (since(of) > LOST_AFTER) return { known: false, status: "Updates are late: nothing here is current" };
+  if (of.blocked) return { known: false, status: `Not serving: ${of.blocked}` };
+  if (since(of) >= of.valid_for) return { known: false, status: "Not serving: scene stale" };
   return { known: true, status: "Serving" };
 }
 
@@ -99,21 +140,42 @@ function slice() {
   return `x=${choice.x}&y=${choice.y}&at=${at}`;
 }
 
-function connect() {
-  if (source) source.close();
+async function connect() {
+  if (source) source.abort();
+  source = document.hidden ? null : new AbortController();
+  if (!source) return;
+  const opened = source;
+  followClock(opened);
+  const why = await listen(opened.signal).catch(() => "");
+  opened.abort();
+  if (opened !== source) return;
   source = null;
-  if (document.hidden) return;
-  const opened = new EventSource(`events?${slice()}`);
-  opened.onmessage = heard;
-  opened.onerror = () => {
-    opened.close();
-    if (opened !== source) return;
-    connected = false;
-    ahead = -Infinity;  // if the server's computer restarts, its clock does
-    draw();
-    setTimeout(() => { if (opened === source) connect(); }, 500);
-  };
-  source = opened;
+  refused = why;
+  lose();
+  setTimeout(() => { if (!source) connect(); }, 500);
+}
+
+// Reads events as long as they come. Returns why the server refuses them, if it does.
+async function listen(signal) {
+  const answer = await fetch(`events?${slice()}`, { signal });
+  if (!answer.ok) return (await answer.text()).trim();
+  refused = "";
+  const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+  let rest = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) return "";
+    const events = (rest + value).split("\n\n");
+    rest = events.pop();
+    for (const event of events) heard(event.slice("data: ".length));
+  }
+}
+
+// Another server may answer next.
+function lose() {
+  connected = false;
+  bound = UNBOUND;
+  draw();
 }
 
 // Masks.
@@ -166,8 +228,8 @@ function outline(context, mask, strokes) {
 
 // Views.
 
-async function drawViews(shown, known) {
-  const { views, scene, database, paths } = shown;
+async function drawViews(shown) {
+  const { views, database } = shown;
   const figures = $("views");
   fill(figures, database.views.map((view) => view.name), () => database.views.map((view) => {
     const canvas = document.createElement("canvas");
@@ -179,36 +241,41 @@ async function drawViews(shown, known) {
     return figure;
   }));
   const images = await Promise.all(database.views.map((view) => decode(views[view.name].image)));
-  if (shown !== snapshot) return;  // a newer one is drawn already
-  database.views.forEach((view, i) => {
-    const [canvas, missing, caption] = figures.children[i].children;
-    const context = canvas.getContext("2d");
-    const seen = scene ? scene.views.find((of) => of.view === view.name) : null;
-    const beside = views[view.name];
-    context.clearRect(0, 0, canvas.width, canvas.height);
-    if (images[i]) {
-      context.imageSmoothingEnabled = true;
-      context.drawImage(images[i], 0, 0, canvas.width, canvas.height);
+  if (shown === snapshot) {   // otherwise a newer one is drawn already
+    const { known } = judge();
+    database.views.forEach((view, i) => drawView(figures.children[i], view.name, images[i], shown, known));
+  }
+  for (const image of images) if (image) image.close();
+}
+
+function drawView(figure, name, image, { views, scene, paths }, known) {
+  const [canvas, missing, caption] = figure.children;
+  const context = canvas.getContext("2d");
+  const seen = scene ? scene.views.find((of) => of.view === name) : null;
+  const beside = views[name];
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  if (image) {
+    context.imageSmoothingEnabled = true;
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
+  }
+  const opacity = image ? 0.55 : 0.9;
+  const words = [];
+  if (seen) {
+    for (const plane of ["unknown", "ignored", "error", "obstacle"]) veil(context, seen[plane], COLOURS[plane], opacity);
+    veil(context, beside.allowed, COLOURS.allowed, opacity);
+    outline(context, beside.robot, [["#fff", 4], [rgb(COLOURS.robot), 2.5]]);
+    words.push(`obstacle ${seen.obstacle_pixels}`, `unknown ${seen.unknown_pixels}`, `error ${seen.error_pixels}`);
+    for (const path of known ? paths : []) {
+      if (path.state !== "occupied" || !path.why) continue;
+      outline(context, path.why[name].robot, [["#fff", 2.5], [rgb(COLOURS.robot), 1.5, [5, 4]]]);
+      outline(context, path.why[name].convicts, [["#fff", 5], ["#000", 2.5]]);
     }
-    const opacity = images[i] ? 0.55 : 0.9;
-    const words = [];
-    if (seen) {
-      for (const plane of ["unknown", "ignored", "error", "obstacle"]) veil(context, seen[plane], COLOURS[plane], opacity);
-      veil(context, beside.allowed, COLOURS.allowed, opacity);
-      outline(context, beside.robot, [["#fff", 4], [rgb(COLOURS.robot), 2.5]]);
-      words.push(`obstacle ${seen.obstacle_pixels}`, `unknown ${seen.unknown_pixels}`, `error ${seen.error_pixels}`);
-      for (const path of known ? paths : []) {
-        if (path.state !== "occupied" || !path.why) continue;
-        outline(context, path.why[view.name].robot, [["#fff", 2.5], [rgb(COLOURS.robot), 1.5, [5, 4]]]);
-        outline(context, path.why[view.name].convicts, [["#fff", 5], ["#000", 2.5]]);
-      }
-    }
-    text(missing, !seen ? "This view is not in the scene: it counts as an obstacle everywhere"
-      : known ? "" : "Not current");
-    const line = seen ? `${words.join(", ")} pixels` : "missing";
-    caption.replaceChildren(element("b", seen ? "" : "no", view.name), ` ${line}`);
-    canvas.setAttribute("aria-label", `View ${view.name}: ${line}`);
-  });
+  }
+  text(missing, !seen ? "This view is not in the scene: it counts as an obstacle everywhere"
+    : known ? "" : "Not current");
+  const line = seen ? `${words.join(", ")} pixels` : "missing";
+  caption.replaceChildren(element("b", seen ? "" : "no", name), ` ${line}`);
+  canvas.setAttribute("aria-label", `View ${name}: ${line}`);
 }
 
 async function decode(base64) {
@@ -261,7 +328,8 @@ function drawMap(shown, known) {
     const turns = (joint, j) => {
       const of = path.waypoints.map((q) => turnOf(joint, q[j]));
       const least = Math.min(...of);
-      return Array.from({ length: Math.max(...of) - least + 1 }, (_, i) => least + i);
+      const many = Math.max(...of) - least + 1;
+      return many > MOST_TURNS ? [] : Array.from({ length: many }, (_, i) => least + i);
     };
     // Once for each turn that it touches: the clipped copies join at the map's borders.
     for (const tx of turns(jx, space.x)) {
@@ -464,19 +532,22 @@ function drawDevices(shown) {
 }
 
 function drawStops() {
-  fill($("stops"), stops, () => stops.length === 0 ? [element("li", "note", "None since the server started.")]
+  const today = new Date().toDateString();
+  fill($("stops"), [today, stops], () => stops.length === 0 ? [element("li", "note", "None since the server started.")]
     : stops.map((stop) => {
-      const time = element("b", "", new Date(stop.time).toLocaleTimeString("en-GB"));
-      return element("li", "", "", time, stop.reason ? `${stop.reason}: ${stop.message}` : "serving again");
+      const time = new Date(stop.time);
+      const dateStyle = time.toDateString() === today ? undefined : "medium";
+      const shown = element("b", "", time.toLocaleString("en-GB", { dateStyle, timeStyle: "medium" }));
+      return element("li", "", "", shown, stop.reason ? `${stop.reason}: ${stop.message}` : "serving again");
     }));
 }
 
 // Charts.
 
-function sample() {
-  const { known } = judge();
-  const counts = snapshot.space && snapshot.space.counts;
-  const latency = snapshot.latency ? (snapshot.latency.to_map.count > 0 ? snapshot.latency.to_map : snapshot.latency.to_scene) : null;
+function sample(now) {
+  const { known } = judge(now);
+  const counts = now.space && now.space.counts;
+  const latency = now.latency ? (now.latency.to_map.count > 0 ? now.latency.to_map : now.latency.to_scene) : null;
   const second = Math.floor(local());
   const taken = { second, latency, share: known && counts ? counts.occupied / (counts.free + counts.occupied + counts.unknown) : null };
   const last = samples.at(-1);
@@ -588,7 +659,9 @@ function drawFacts(shown, known) {
   fill($("defects"), defects, () => defects.map((message) => element("li", "", message)));
 }
 
-function draw() {
+// Ends once the images are decoded and drawn.
+async function draw() {
+  if (!replaying) snapshot = newest;
   const { known, status } = judge();
   was = `${known} ${status}`;
   document.body.className = known ? "known" : "unknown";
@@ -602,16 +675,20 @@ function draw() {
   drawPaths(snapshot, known);
   drawDevices(snapshot);
   drawLatency(snapshot);
-  drawViews(snapshot, known).then(() => regions.draw(snapshot, known));
+  await drawViews(snapshot);
+  regions.draw(snapshot, judge().known);
 }
 
 // Time alone makes things unknown.
 if (!replaying) setInterval(() => {
   const { known, status } = judge();
   if (`${known} ${status}` !== was) draw();
-  else if (snapshot && snapshot.scene) text($("age"), duration(seconds(snapshot.basis.scene_age) + since()));
+  else if (snapshot && snapshot.scene) {
+    text($("age"), duration(seconds(snapshot.basis.scene_age) + since()));
+    drawPaths(snapshot, known);
+  }
 }, 100);
-if (!replaying) document.addEventListener("visibilitychange", () => { connected = false; draw(); connect(); });
+if (!replaying) document.addEventListener("visibilitychange", () => { lose(); connect(); });
 window.addEventListener("resize", draw);
 if (!replaying) regions.start();
 if (!replaying) connect();

@@ -20,8 +20,9 @@ function minutes(s) {
   return `${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
 }
 
-// The time of day on the server in `s` seconds.
-const clockIn = (s) => new Date(snapshot.time + 1000 * (since() + s)).toLocaleTimeString("en-GB");
+// The time of day on the server in `s` seconds, at most.
+const clockIn = (s) => since() === Infinity ? "–"
+  : new Date(snapshot.time + 1000 * (since() + s)).toLocaleTimeString("en-GB");
 
 function maskOf(box, view) {
   const [width, height] = [view.mask_width, view.mask_height];
@@ -182,12 +183,12 @@ function drawList(shown) {
     }));
 }
 
-// Counts down by the server's running clock.
+// Counts down from when the snapshot came: a region ends too late on the page, never too early.
 function drawTimes() {
   if (snapshot === null || !snapshot.database) return;
   for (const item of $("region-list").querySelectorAll("li[data-region]")) {
     const region = snapshot.regions.find((of) => of.name === item.dataset.region);
-    const left = region ? region.remaining - since() : 0;
+    const left = region ? region.remaining - sinceHeard() : 0;
     text(item.querySelector(".left"), left > 0 ? `ends in ${minutes(left)}` : "ended");
   }
   if (!$("region-confirm").open) return;

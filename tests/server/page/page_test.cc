@@ -187,7 +187,7 @@ TEST_F(PageTest, StreamsAreBounded) {
   }
   httplib::Client client("http://" + page->address());
   EXPECT_EQ(client.Get("/events")->status, 503);
-  EXPECT_EQ(client.Get("/")->status, 200);
+  for (const char* path : {"/", "/clock"}) EXPECT_EQ(client.Get(path)->status, 200) << path;
   lookers.clear();
   EXPECT_TRUE(Soon([&] {
     Looker looker(*page, "", [](const json&) { return true; });
@@ -201,6 +201,16 @@ TEST_F(PageTest, EndsWhileSomebodyLooks) {
   ASSERT_TRUE(Soon([&] { return looker.events > 0; }));
   page.reset();
   looker.Wait();
+}
+
+TEST_F(PageTest, TheClockIsThatOfTheSnapshotsAndMakesNone) {
+  test.clock.Advance(absl::Milliseconds(1500));
+  httplib::Client client("http://" + page->address());
+  const auto answer = client.Get("/clock");
+  EXPECT_EQ(answer->status, 200);
+  EXPECT_EQ(answer->get_header_value("Cache-Control"), "no-store");
+  EXPECT_EQ(page->snapshots(), 0u);
+  EXPECT_EQ(json::parse(answer->body)["clock"], SeenOn(*page)["clock"]);
 }
 
 TEST_F(PageTest, NamesOfOthersAreRefusedAsHost) {
@@ -219,7 +229,9 @@ TEST_F(PageTest, NamesOfOthersAreRefusedAsHost) {
 
 TEST_F(PageTest, OtherSitesAndOtherMethodsAreRefused) {
   httplib::Client client("http://" + page->address());
-  EXPECT_EQ(client.Get("/events", {{"Sec-Fetch-Site", "cross-site"}})->status, 403);
+  for (const char* path : {"/events", "/clock"}) {
+    EXPECT_EQ(client.Get(path, {{"Sec-Fetch-Site", "cross-site"}})->status, 403) << path;
+  }
   EXPECT_EQ(client.Post("/", "x", "text/plain")->status, 404);
   EXPECT_EQ(client.Get("/events?x=seven")->status, 400);
 }
