@@ -142,9 +142,17 @@ std::vector<Configuration> WaypointsOf(const ompl::geometric::PathGeometric& pat
   RequireJoints(space, start);
   std::vector<Configuration> waypoints;
   Configuration last(start.begin(), start.end());
+  Configuration from = last;
   for (size_t i = 0; i < path.getStateCount(); ++i) {
+    const ob::State* state = path.getState(static_cast<unsigned int>(i));
     Configuration q(last.size());
-    space.GetValuesNear(last, path.getState(static_cast<unsigned int>(i)), q);
+    // The way that the motion validator looks at: of half a turn, the other one ends there, too.
+    space.GetValuesNear(from, state, q);
+    for (size_t j = 0; j < q.size(); ++j) {
+      const bool turns = space.getSubspace(j)->getType() == ob::STATE_SPACE_SO2;
+      if (turns) q[j] = last[j] + (q[j] - from[j]);
+    }
+    space.GetValues(state, from);
     waypoints.push_back(q);
     last = std::move(q);
   }

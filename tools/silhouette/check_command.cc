@@ -224,7 +224,7 @@ absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::
       // The answers are being printed.
       if (absl::IsResourceExhausted(sent))
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
-    } while (absl::IsResourceExhausted(sent));
+    } while (absl::IsResourceExhausted(sent) && !answers_ended && !StopRequested());
     if (!sent.ok()) break;
   }
   return absl::OkStatus();

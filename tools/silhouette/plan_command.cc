@@ -215,9 +215,9 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   ASSIGN_OR_RETURN(const Configuration start, joints.Parse(arguments.start));
   ASSIGN_OR_RETURN(const Configuration goal, joints.Parse(arguments.goal));
   if (planner != "wave") {
-    if (!arguments.picture.empty() || !arguments.truth.empty()) {
+    if (!arguments.picture.empty() || !arguments.truth.empty() || arguments.diagonal) {
       return absl::InvalidArgumentError(absl::StrCat(
-          "--picture and --truth need the configuration space of a grid, and ",
+          "--picture, --truth and --diagonal need the configuration space of a grid, and ",
           drawn ? "the robot images of this cell are drawn" : absl::StrCat(planner, " uses none"),
           ": plan without them"));
     }

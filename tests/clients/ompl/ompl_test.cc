@@ -174,6 +174,25 @@ TEST(Ompl, NothingIsValidOnceTheSnapshotExpires) {
   EXPECT_TRUE(UntilSceneChanges(brief, snapshot, {})());
 }
 
+// A start beyond the turn, from which half a turn could be taken either way.
+TEST(Ompl, WaypointsOfHalfATurnTakeTheWayThatWasChecked) {
+  const std::vector<GridJoint> joints = {{"base", -M_PI, M_PI, 8, /*continuous=*/true}};
+  const auto space = std::make_shared<JointStateSpace>(joints);
+  const auto si = std::make_shared<ob::SpaceInformation>(space);
+  for (int degrees = 181; degrees <= 540; ++degrees) {
+    const Configuration start = {degrees * M_PI / 180};
+    const Configuration goal = {(degrees - 180) * M_PI / 180};
+    og::PathGeometric path(si);
+    for (const Configuration& q : {start, goal}) path.append(StateOf(si, q).get());
+    Configuration from(1);
+    Configuration to(1);
+    space->GetValues(path.getState(0), from);
+    space->GetValuesNear(from, path.getState(1), to);
+    const std::vector<Configuration> waypoints = WaypointsOf(path, start);
+    EXPECT_NEAR(waypoints[1][0] - waypoints[0][0], to[0] - from[0], 1e-9) << degrees;
+  }
+}
+
 TEST(Ompl, StatesHaveOneValuePerJoint) {
   PlannedCell cell;
   const ob::SpaceInformationPtr si = MakeSpaceInformation(cell.Show(EmptyCellScene()));

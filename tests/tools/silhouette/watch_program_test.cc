@@ -323,5 +323,17 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   EXPECT_EQ(check("0,0\\n").exit_code, 3);
 }
 
+TEST(SilhouetteCheck, StreamThatIsRefusedEndsHoweverManyLinesThereAre) {
+  const SmallServedCell cell("server: {limits: {streams_per_client: 1}}\n");
+  const Ended refused = cell.shell().Run(
+      "export SILHOUETTE_SERVER=" + cell.address() + "; PATH=" + ProgramFolder() +
+      ":$PATH; silhouette watch 0,0 >watched & watch=$!; "
+      "until [ -s watched ]; do sleep 0.1; done; "
+      "for line in $(seq 1000); do echo 0,0; done | timeout 30 silhouette check --stream; "
+      "code=$?; kill $watch; exit $code");
+  EXPECT_NE(refused.exit_code, 124) << "it did not end";
+  EXPECT_THAT(refused.err, HasSubstr("streams_per_client"));
+}
+
 }  // namespace
 }  // namespace silhouette
