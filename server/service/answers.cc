@@ -304,13 +304,21 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
     if (checks <= most) return absl::CancelledError();
     return TooManyChecks(most, path, database.robot_images().drawn() != nullptr);
   }
+  absl::Duration separation_time;
   if (request.has_separation()) {
-    RETURN_IF_ERROR(AnswerSeparation(
-        serving, checker, waypoints, request.separation(), [&] { return Stopped(cancelled); },
-        response->mutable_separation()));
+    ASSIGN_OR_RETURN(separation_time,
+                     AnswerSeparation(
+                         serving, checker, waypoints, request.separation(),
+                         [&] { return Stopped(cancelled); }, response->mutable_separation()));
   }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
+  if (response->separation().has_valid_for()) {
+    v1::Separation& separation = *response->mutable_separation();
+    const absl::Duration since = DurationFrom(response->basis().server_clock()) - separation_time;
+    ToMessage(std::max(absl::ZeroDuration(), DurationFrom(separation.valid_for()) - since),
+              separation.mutable_valid_for());
+  }
   if (blocked != Reason::kNone && response->has_separation()) {
     v1::Separation nothing_known;
     nothing_known.set_range(response->separation().range());

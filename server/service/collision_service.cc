@@ -74,18 +74,19 @@ class Collisions final : public CollisionCalls {
       grpc::CallbackServerContext* context, const grpc::ByteBuffer* request) override {
     const std::string client = ClientOf(*context);
     absl::Status admitted = serving_.clients.Call(client);
-    auto* writer = new SpaceWriter();
+    const auto writer =
+        SpaceWriter::Start(context, serving_.settings.longest_write, serving_.watches);
     if (admitted.ok() && !serving_.workers.Run(client, request->Length(), [=, this] {
           const absl::Status status =
               context->IsCancelled()
                   ? absl::CancelledError()
-                  : Guarded([&] { return SendSpace(context, *request, writer); });
+                  : Guarded([&] { return SendSpace(context, *request, *writer); });
           if (!status.ok()) writer->Finish(ToGrpc(status));
         })) {
       admitted = serving_.clients.TooBusy(client);
     }
     if (!admitted.ok()) writer->Finish(ToGrpc(admitted));
-    return writer;
+    return writer.get();
   }
 
   grpc::ServerWriteReactor<grpc::ByteBuffer>* WatchConfigurationSpace(
@@ -121,7 +122,7 @@ class Collisions final : public CollisionCalls {
 
  private:
   absl::Status SendSpace(const grpc::CallbackServerContext* context, const grpc::ByteBuffer& bytes,
-                         SpaceWriter* writer) {
+                         SpaceWriter& writer) {
     v1::GetConfigurationSpaceRequest request;
     RETURN_IF_ERROR(ReadRequest(bytes, request));
     ASSIGN_OR_RETURN(const Deadline deadline, DeadlineOf(request));
@@ -158,8 +159,7 @@ class Collisions final : public CollisionCalls {
     first.set_unknown_reason(ToMessage(blocked));
     first.set_cells_exact(cells && space != nullptr && space->cells_exact());
     if (blocked != Reason::kNone) tiles.clear();
-    writer->Send(std::move(first), std::move(space), std::move(clearances), cells,
-                 std::move(tiles));
+    writer.Send(std::move(first), std::move(space), std::move(clearances), cells, std::move(tiles));
     return absl::OkStatus();
   }
 

@@ -2,6 +2,7 @@
 #include "server/service/separation.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -113,12 +114,21 @@ void ToMessage(const LevelsNow& now, const SeparationSettings& settings, double 
   message.set_image_age(absl::ToDoubleSeconds(now.image_age));
 }
 
+Configuration PlaceOn(std::span<const Configuration> waypoints, const PathDistance& at) {
+  const auto segment = static_cast<size_t>(at.segment);
+  Configuration q = waypoints[segment];
+  if (segment + 1 == waypoints.size()) return q;
+  for (size_t j = 0; j < q.size(); ++j)
+    q[j] = std::lerp(q[j], waypoints[segment + 1][j], at.fraction);
+  return q;
+}
+
 }  // namespace
 
-absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
-                              std::span<const Configuration> waypoints,
-                              const v1::SeparationPolicy& request, const Stop& cancelled,
-                              v1::Separation* separation) {
+absl::StatusOr<absl::Duration> AnswerSeparation(const Serving& serving, const Checker& checker,
+                                                std::span<const Configuration> waypoints,
+                                                const v1::SeparationPolicy& request,
+                                                const Stop& cancelled, v1::Separation* separation) {
   const Served& served = checker.served();
   const SeparationBasis* basis = served.database->separation().get();
   if (basis == nullptr) {
@@ -151,13 +161,16 @@ absl::Status AnswerSeparation(const Serving& serving, const Checker& checker,
     Reason reason = blocked != Reason::kNone ? blocked : checker.blocked();
     if (reason == Reason::kNone) reason = Reason::kOutsideGrid;
     separation->set_unknown_reason(ToMessage(reason));
-    return absl::OkStatus();
+    return now.running;
   }
   ToMessage(*kept, settings, basis->leave_from(), *separation);
+  for (const double position : PlaceOn(waypoints, kept->kept.path)) {
+    separation->mutable_nearest()->mutable_configuration()->add_positions(position);
+  }
   ToMessage(std::min(kept->image_age - served.scene->AgeAt(now),
                      ValidFor(of_now, sound, serving.settings.scene, now)),
             separation->mutable_valid_for());
-  return absl::OkStatus();
+  return now.running;
 }
 
 }  // namespace silhouette

@@ -79,6 +79,27 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
   return levels;
 }
 
+std::shared_ptr<SpaceWriter> SpaceWriter::Start(grpc::CallbackServerContext* context,
+                                                absl::Duration longest_write, WatchHub& watches) {
+  const std::shared_ptr<SpaceWriter> writer(new SpaceWriter(context, longest_write));
+  writer->self_ = writer;
+  watches.Add(writer);
+  return writer;
+}
+
+void SpaceWriter::Tell(uint64_t) {
+  const std::lock_guard lock(mutex_);
+  if (write_end_ && Clock::now() > *write_end_) context_->TryCancel();
+}
+
+void SpaceWriter::OnDone() {
+  {
+    const std::lock_guard lock(mutex_);
+    write_end_.reset();
+  }
+  const std::shared_ptr<SpaceWriter> last = std::move(self_);  // perhaps a worker still holds it
+}
+
 void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
                        std::shared_ptr<const ConfigurationSpace> space,
                        std::shared_ptr<const ClearanceSpace> clearances, bool cells,
@@ -92,6 +113,10 @@ void SpaceWriter::Send(v1::GetConfigurationSpaceResponse first,
 }
 
 void SpaceWriter::OnWriteDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    write_end_.reset();
+  }
   if (!ok) {
     Finish(grpc::Status::CANCELLED);  // the caller is gone
   } else if (next_ == tiles_.size()) {
@@ -116,6 +141,10 @@ void SpaceWriter::SendNext() {
     }
   }
   WriteMessage(message_, &bytes_);
+  {
+    const std::lock_guard lock(mutex_);
+    write_end_ = Clock::now() + absl::ToChronoNanoseconds(longest_write_);
+  }
   StartWrite(&bytes_);
 }
 

@@ -8,13 +8,17 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "db/mask/configuration_grid.h"
 #include "server/scene/configuration_space.h"
+#include "server/service/watch_hub.h"
 #include "silhouette/v1/collision_service.pb.h"
 
 namespace silhouette {
@@ -48,13 +52,17 @@ inline constexpr int kMaxClearanceLevels = 16;
 absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
     const v1::GetConfigurationSpaceRequest& request);
 
-// The answer to one call. Deletes itself when the call is over: either Send() or Finish() is called
-// once.
-class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
+// The answer to one call: either Send() or Finish() is called once. Who does not take a part for
+// `longest_write` is cut off. Keeps itself alive until the call is over.
+class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, public Watcher {
  public:
   // Tiles in one message: about half a megabyte. Fewer with clearances or cells, so that it stays
   // at that.
   static constexpr int kTilesPerMessage = 512;
+
+  // `watches`: what looks whether parts are taken.
+  static std::shared_ptr<SpaceWriter> Start(grpc::CallbackServerContext* context,
+                                            absl::Duration longest_write, WatchHub& watches);
 
   // Sends `tiles` of `space`, which are all ready, after a first message that is `first`; with them
   // those of `clearances`, ready as well, if it is not null, and with `cells` the free cells,
@@ -64,12 +72,24 @@ class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer> {
             std::shared_ptr<const ClearanceSpace> clearances, bool cells,
             std::vector<uint64_t> tiles);
 
-  void OnWriteDone(bool ok) override;
-  void OnDone() override { delete this; }
+  void Tell(uint64_t) override;
+  void End() override {}
 
  private:
+  using Clock = std::chrono::steady_clock;
+
+  SpaceWriter(grpc::CallbackServerContext* context, absl::Duration longest_write)
+      : context_(context), longest_write_(longest_write) {}
+
+  void OnWriteDone(bool ok) override;
+  void OnDone() override;
   void SendNext();
 
+  grpc::CallbackServerContext* const context_;
+  const absl::Duration longest_write_;
+  std::shared_ptr<SpaceWriter> self_;
+  std::mutex mutex_;
+  std::optional<Clock::time_point> write_end_;  // of the part that is on its way
   v1::GetConfigurationSpaceResponse message_;
   grpc::ByteBuffer bytes_;  // of the message that is on its way
   std::shared_ptr<const ConfigurationSpace> space_;

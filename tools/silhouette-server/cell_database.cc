@@ -166,7 +166,14 @@ void LogRobotImages(const ServedDatabase& database, const std::string& path,
     return !variant.robot_images().in_memory() || variant.index() != nullptr ||
            variant.node_index(DrawnKind::kReach) != nullptr;
   });
-  if (!reads_on || !ReadersKeepWritersOut(path)) return;
+  if (!ReadersKeepWritersOut(path)) return;
+  if (!reads_on) {
+    spdlog::warn(
+        "no permission to write '{}/{}': robot images that a capture session finds suspect are not "
+        "noticed; send SIGHUP after it, or give this process the permission",
+        path, schema::kLockFile);
+    return;
+  }
   spdlog::warn(
       "no permission to write '{}/{}': while this server runs, no capture or index can write to "
       "the database; give this process the permission, or stop it first",

@@ -59,6 +59,8 @@ constexpr char kName[] = "silhouette-server";
 // How long calls in flight may take when the server is stopped, and the whole program.
 constexpr absl::Duration kGrace = absl::Milliseconds(700);
 constexpr std::chrono::milliseconds kLongestEnd{1900};
+// How often the server looks whether its database is to be loaded again.
+constexpr std::chrono::seconds kBetweenLooks{1};
 
 struct Options {
   std::string cell;
@@ -98,18 +100,14 @@ class Signals {
     loading_ = false;
   }
 
-  // As SIGHUP does.
-  void AskForReload() {
-    const std::lock_guard lock(mutex_);
-    reloading_ = true;
-    changed_.notify_all();
-  }
+  enum class Wish { kNone, kReload, kEnd };
 
-  // Waits. True: a reload was asked for, once or more often; false: the program is to end.
-  bool WaitForReload() {
+  // Waits for `time` at most. kReload: SIGHUP came, once or more often.
+  Wish Wait(std::chrono::seconds time) {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return ending_ || reloading_; });
-    return !ending_ && std::exchange(reloading_, false);
+    changed_.wait_for(lock, time, [this] { return ending_ || reloading_; });
+    if (ending_) return Wish::kEnd;
+    return std::exchange(reloading_, false) ? Wish::kReload : Wish::kNone;
   }
 
  private:
@@ -180,6 +178,12 @@ void ReportChangedCell(const std::string& file, const std::string& text) {
   spdlog::warn("'{}' has changed, and its former settings still hold: restart the server", file);
 }
 
+void ReportNotReloaded(const Server& server, absl::string_view why) {
+  const bool damaged = server.database()->damage().found();
+  spdlog::error("not reloaded, {}: {}",
+                damaged ? "and nothing is free" : "still serving the old state", std::string(why));
+}
+
 void Reload(const Cell& cell, const std::string& path, bool unverified, Server& server) {
   try {
     absl::StatusOr<std::shared_ptr<const ServedDatabase>> database =
@@ -191,10 +195,9 @@ void Reload(const Cell& cell, const std::string& path, bool unverified, Server& 
       if (!known.ok()) spdlog::error("nothing is free: {}", std::string(known.message()));
       return;
     }
-    spdlog::error("not reloaded, still serving the old state: {}",
-                  std::string(database.status().message()));
+    ReportNotReloaded(server, database.status().message());
   } catch (const std::exception& error) {
-    spdlog::error("not reloaded, still serving the old state: {}", error.what());
+    ReportNotReloaded(server, error.what());
   }
 }
 
@@ -212,31 +215,35 @@ void ShowLife(const std::stop_token& stop, Server& server) {
   }
 }
 
-// Has the database loaded again when a capture session changes which robot images are suspect.
-// Nothing is free until then.
-void WatchSuspects(const std::stop_token& stop, Server& server, Signals& signals) {
-  constexpr std::chrono::seconds kPeriod{1};
-  std::mutex mutex;
-  std::condition_variable_any stopped;
-  std::unique_lock lock(mutex);
-  std::string fault;
-  while (!stopped.wait_for(lock, stop, kPeriod, [&stop] { return stop.stop_requested(); })) {
-    const std::shared_ptr<const ServedDatabase> database = server.database();
-    if (database->damage().found()) continue;
-    const absl::StatusOr<bool> changed = database->SuspectsChanged();
-    if (changed.ok() && *changed) {
-      const std::string what =
-          "a capture session changed which robot images are suspect; loading the database again";
-      spdlog::warn("nothing is free: {}", what);
-      database->damage().Note(what);
-      signals.AskForReload();
+// Looks whether a capture session changed which robot images are suspect. Nothing is free then,
+// until the database is loaded again.
+class SuspectWatch {
+ public:
+  // Whether the database is to be loaded again: at once, and now and again while that fails.
+  bool LoadAgain(const ServedDatabase& database) {
+    if (database.damage().found()) {
+      return database.damage().what() == kChanged && ++looks_ % kLooksBetweenLoads == 0;
     }
-    if (std::string now(changed.status().message()); now != fault) {
-      fault = std::move(now);
-      if (!fault.empty()) spdlog::error("suspect robot images are not noticed: {}", fault);
+    const absl::StatusOr<bool> changed = database.SuspectsChanged();
+    if (std::string now(changed.status().message()); now != fault_) {
+      fault_ = std::move(now);
+      if (!fault_.empty()) spdlog::error("suspect robot images are not noticed: {}", fault_);
     }
+    if (!changed.ok() || !*changed) return false;
+    spdlog::warn("nothing is free: {}", kChanged);
+    database.damage().Note(kChanged);
+    looks_ = 0;
+    return true;
   }
-}
+
+ private:
+  static constexpr char kChanged[] =
+      "a capture session changed which robot images are suspect; loading the database again";
+  static constexpr int kLooksBetweenLoads = 10;
+
+  int looks_ = 0;  // since the database was loaded in vain
+  std::string fault_;
+};
 
 std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
   std::vector<std::string> views;
@@ -358,7 +365,8 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(const auto page, CellPage::Start(options.page, options.insecure, *replay));
   std::cout << "recording at http://" << page->address() << "/" << std::endl;
   sd_notify(0, "READY=1");
-  while (signals.WaitForReload()) continue;  // a recording stays as it is
+  // A recording stays as it is.
+  while (signals.Wait(kBetweenLooks) != Signals::Wish::kEnd) continue;
   return absl::OkStatus();
 }
 
@@ -433,13 +441,15 @@ absl::Status Serve(const Options& options, Signals& signals) {
   sd_notify(0, "READY=1");
   {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
-    const std::jthread suspects([&server, &signals](const std::stop_token& stop) {
-      WatchSuspects(stop, *server, signals);
-    });
-    while (signals.WaitForReload()) {
-      ReportCertificates(cell);
-      ReportChangedCell(options.cell, cell_text);
-      Reload(cell, path, options.unverified, *server);
+    SuspectWatch suspects;
+    for (Signals::Wish wish{}; wish != Signals::Wish::kEnd; wish = signals.Wait(kBetweenLooks)) {
+      if (wish == Signals::Wish::kReload) {
+        ReportCertificates(cell);
+        ReportChangedCell(options.cell, cell_text);
+      }
+      if (wish == Signals::Wish::kReload || suspects.LoadAgain(*server->database())) {
+        Reload(cell, path, options.unverified, *server);
+      }
     }
   }
   sd_notify(0, "STOPPING=1");

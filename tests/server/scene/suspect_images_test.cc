@@ -45,9 +45,8 @@ std::string MakeSuspectDatabase(const std::string& path = FreshFolder() / "db") 
 
 struct SuspectImagesTest : ::testing::TestWithParam<bool> {
   const std::string path = MakeSuspectDatabase();
-  std::shared_ptr<const ServedDatabase> database =
-      LoadDatabase(path, {.margin = 0}, {},
-                   GetParam() ? LoadSettings{} : LoadSettings{.robot_image_memory = 0});
+  std::shared_ptr<const ServedDatabase> database = LoadDatabase(
+      path, {.margin = 0}, {}, GetParam() ? LoadSettings{} : LoadSettings{.robot_image_memory = 0});
 
   Checker CheckerOf(const SceneInput& input) const {
     absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, kSuspectImagesNow);

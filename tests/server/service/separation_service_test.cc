@@ -298,6 +298,22 @@ TEST_F(SeparationServiceTest, WhatEndsAVerdictWhileItIsMadeEndsItsLevel) {
   EXPECT_GT(ended, 1);
 }
 
+TEST_F(SeparationServiceTest, NoLevelOutlastsItsImagesHoweverLongTheAnswerTakes) {
+  int late = 0;
+  for (int look = 1; look < 8; ++look) {
+    PublishAtIntervals();
+    AtLook(look, [this] { server.clock.Advance(absl::Milliseconds(100)); });
+    const v1::CheckPathResponse path = AskAway();
+    looks_left = 0;
+    const double age = absl::ToDoubleSeconds(DurationFrom(path.basis().scene_age()));
+    const double valid_for = absl::ToDoubleSeconds(DurationFrom(path.separation().valid_for()));
+    if (age > 0.05) ++late;
+    EXPECT_EQ(path.separation().nearest().configuration().positions_size(), 2);
+    EXPECT_LE(valid_for, path.separation().image_age() - age + 1e-6) << "at look " << look;
+  }
+  EXPECT_GT(late, 1);
+}
+
 TEST_F(SeparationServiceTest, TheClockIsReadThoughChecksHoldAllWorkers) {
   Publish();
   server.Check({}, PolicyNamed("sound"));

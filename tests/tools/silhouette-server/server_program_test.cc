@@ -252,6 +252,28 @@ TEST_F(ServerProgramTest, SuspectImagesAreUnknownWithoutAReloadBeingAskedFor) {
   EXPECT_THAT(log_after(2), AllOf(HasSubstr("39 captured"), Not(HasSubstr("may have changed"))));
 }
 
+TEST_F(ServerProgramTest, ReloadForSuspectImagesIsTriedAgainUntilItSucceeds) {
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  const std::string address = program.Address();
+  const auto says = [&](const std::string& what) {
+    for (int i = 0; i < 2000 && program.Errors().find(what) == std::string::npos; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return program.Errors().find(what) != std::string::npos;
+  };
+  {
+    const auto opened = Database::Open(database, Database::Access::kWrite);
+    std::filesystem::rename(database, folder / "away");
+    storage::v1::CaptureHistory history;
+    history.add_suspects()->mutable_until()->set_seconds(absl::ToUnixSeconds(absl::Now()));
+    EXPECT_TRUE((*opened)->SetCaptureHistory(history).ok());
+  }
+  EXPECT_TRUE(says("not reloaded, and nothing is free"));
+  std::filesystem::rename(folder / "away", database);
+  EXPECT_TRUE(says("reloaded; "));
+}
+
 TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileNeedsARestart) {
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
