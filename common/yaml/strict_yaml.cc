@@ -312,8 +312,10 @@ YamlNode YamlMap::Required(const std::string& key) {
 std::optional<YamlNode> YamlMap::Optional(const std::string& key) {
   asked_.insert(key);
   const YAML::Node value = std::as_const(node_.node_)[key];
-  if (!value.IsDefined() || value.IsNull()) return std::nullopt;
-  return YamlNode(value, node_.file_, node_.name_.empty() ? key : node_.name_ + "." + key);
+  if (!value.IsDefined()) return std::nullopt;
+  YamlNode node(value, node_.file_, node_.name_.empty() ? key : node_.name_ + "." + key);
+  if (value.IsNull()) node.Fail("it has no value; write one, or leave the key out");
+  return node;
 }
 
 std::vector<std::string> YamlMap::Keys() {

@@ -116,7 +116,7 @@ class YamlMap {
 
   // The value of a key that must be there.
   YamlNode Required(const std::string& key);
-  // The value of a key; nothing if it is not there, or is null.
+  // The value of a key; nothing if it is not there. Fails where it was forgotten (null).
   std::optional<YamlNode> Optional(const std::string& key);
 
   template <typename T>

@@ -82,7 +82,7 @@ Cell ReadCell(const std::string& path) {
       .separation = std::nullopt,
       .server = {}};
   if (workspace_node) cell.workspace = ReadWorkspace(*workspace_node);
-  if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid);
+  if (capture_node) cell.capture = ReadCapture(*capture_node, cell.grid, cell.robot.model.get());
   if (verification_node) cell.verification = ReadVerification(*verification_node);
   if (segmentation_node) cell.segmentation = ReadSegmentation(*segmentation_node);
   if (policy_node) {

@@ -36,21 +36,6 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
                            : "it has " + ListOfWords(known)));
 }
 
-// More radians without a unit are probably degrees.
-constexpr double kMostBare = 4 * std::numbers::pi;
-
-// Radians or metres. `joint`: as the model has it; null: there is no model to tell which.
-double JointValue(const YamlNode& node, const RobotJoint* joint) {
-  if (joint != nullptr && joint->type == JointType::kPrismatic) return node.AsPosition();
-  const double value = joint == nullptr ? node.AsAngleOrPosition() : node.AsAngle();
-  const bool has_unit = std::isalpha(static_cast<unsigned char>(node.As<std::string>().back()));
-  if (!has_unit && std::abs(value) > kMostBare) {
-    node.Fail("that is more than two turns; write degrees as '90 deg'" +
-              std::string(joint == nullptr ? ", metres as '20 m'" : ""));
-  }
-  return value;
-}
-
 GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   YamlMap map(node);
   GridJoint joint;
@@ -65,9 +50,9 @@ GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
     node.Fail("the model says that '" + joint.name + "' is not continuous");
   }
   if (joint.continuous) {
-    joint.lower = lower ? lower->AsAngle() : -std::numbers::pi;
+    joint.lower = lower ? JointValue(*lower, in_model) : -std::numbers::pi;
     joint.upper = joint.lower + 2 * std::numbers::pi;
-    if (upper && std::abs(upper->AsAngle() - joint.upper) > 1e-6) {
+    if (upper && std::abs(JointValue(*upper, in_model) - joint.upper) > 1e-6) {
       upper->Fail("a continuous joint spans one turn; leave 'upper' out");
     }
     return joint;
@@ -281,6 +266,19 @@ ConfigurationGrid GridOfLimits(const RobotSection& robot, const YamlNode& node) 
 }
 
 }  // namespace
+
+double JointValue(const YamlNode& node, const RobotJoint* joint) {
+  if (joint != nullptr && joint->type == JointType::kPrismatic) return node.AsPosition();
+  const double value = joint == nullptr ? node.AsAngleOrPosition() : node.AsAngle();
+  // More radians without a unit are probably degrees.
+  constexpr double kMostBare = 4 * std::numbers::pi;
+  const bool has_unit = std::isalpha(static_cast<unsigned char>(node.As<std::string>().back()));
+  if (!has_unit && std::abs(value) > kMostBare) {
+    node.Fail("that is more than two turns; write degrees as '90 deg'" +
+              std::string(joint == nullptr ? ", metres as '20 m'" : ""));
+  }
+  return value;
+}
 
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<YamlNode>& grid,
                               const std::filesystem::path& folder) {

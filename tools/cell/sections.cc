@@ -82,24 +82,37 @@ SpeedLevel ReadSpeedLevel(const YamlNode& node) {
   return level;
 }
 
-ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid) {
+// Of the grid's joint `name`. Fails if the joint is never within.
+ForbiddenRegion::Range ReadForbiddenRange(const YamlNode& node, const std::string& name,
+                                          const ConfigurationGrid& grid, const RobotModel* model) {
+  const auto known = grid.joints();
+  const auto joint = std::ranges::find(known, name, &GridJoint::name);
+  if (joint == known.end()) node.Fail("'" + name + "' is not a joint of the grid");
+  const auto index = model != nullptr ? model->JointIndex(name) : std::nullopt;
+  const RobotJoint* in_model = index ? &model->joints()[*index] : nullptr;
+  const std::vector<YamlNode> bounds = node.Items(2);
+  const ForbiddenRegion::Range range{name, JointValue(bounds[0], in_model),
+                                     JointValue(bounds[1], in_model)};
+  if (range.lower > range.upper) node.Fail("the first bound must not exceed the second");
+  if (joint->continuous) return range;
+  const double lower = in_model != nullptr ? in_model->lower : joint->lower;
+  const double upper = in_model != nullptr ? in_model->upper : joint->upper;
+  if (range.lower > upper || range.upper < lower) {
+    node.Fail(absl::StrCat("the region protects nothing: '", name, "' goes from ", lower, " to ",
+                           upper, " and is never within; are these degrees, as in '90 deg'?"));
+  }
+  return range;
+}
+
+ForbiddenRegion ReadForbiddenRegion(const YamlNode& node, const ConfigurationGrid& grid,
+                                    const RobotModel* model) {
   YamlMap map(node);
   ForbiddenRegion region;
   region.name = map.Get<std::string>("name");
   YamlMap joints(map.Required("joints"));
   map.Finish();
   for (const std::string& name : joints.Keys()) {
-    const YamlNode value = joints.Required(name);
-    const auto known = grid.joints();
-    if (std::none_of(known.begin(), known.end(),
-                     [&](const GridJoint& joint) { return joint.name == name; })) {
-      value.Fail("'" + name + "' is not a joint of the grid");
-    }
-    const std::vector<YamlNode> bounds = value.Items(2);
-    const ForbiddenRegion::Range range{name, bounds[0].AsAngleOrPosition(),
-                                       bounds[1].AsAngleOrPosition()};
-    if (range.lower > range.upper) value.Fail("the first bound must not exceed the second");
-    region.ranges.push_back(range);
+    region.ranges.push_back(ReadForbiddenRange(joints.Required(name), name, grid, model));
   }
   if (region.ranges.empty()) node.Fail("a forbidden region bounds at least one joint");
   return region;
@@ -217,7 +230,8 @@ Workspace ReadWorkspace(const YamlNode& node) {
   return workspace;
 }
 
-CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid) {
+CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid,
+                            const RobotModel* model) {
   YamlMap map(node);
   CaptureSettings capture;
   map.Read("settle", capture.settle, &YamlNode::AsTime);
@@ -233,7 +247,7 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid)
   capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
   if (const auto regions = map.Optional("forbidden_regions")) {
     for (const YamlNode& region : regions->Items()) {
-      capture.forbidden_regions.push_back(ReadForbiddenRegion(region, grid));
+      capture.forbidden_regions.push_back(ReadForbiddenRegion(region, grid, model));
     }
   }
   map.Read("raw_images", capture.raw_images, ReadRawImages);

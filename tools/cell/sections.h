@@ -26,6 +26,10 @@ struct RobotAndGrid {
 RobotAndGrid ReadRobotAndGrid(const YamlNode& robot, const std::optional<YamlNode>& grid,
                               const std::filesystem::path& folder);
 
+// Radians or metres of a joint. `joint`: as the model has it; null: there is no model to tell
+// which.
+double JointValue(const YamlNode& node, const RobotJoint* joint);
+
 // "sim", or a map of one key that names the driver.
 RobotDriver ReadRobotDriver(const YamlNode& node, const std::filesystem::path& folder);
 
@@ -47,8 +51,9 @@ Workspace ReadWorkspace(const YamlNode& node);
 // `margin`: of views that state none.
 std::vector<ViewSettings> ReadViews(const YamlNode& node, const Margin& margin,
                                     const std::filesystem::path& folder);
-// `grid`: the joints that forbidden regions may name.
-CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid);
+// `grid`: the joints that forbidden regions may name; `model`: of the robot; null: there is none.
+CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid,
+                            const RobotModel* model);
 ComparisonSettings ReadVerification(const YamlNode& node);
 // `usual`: what keys that are not there mean.
 SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSettings& usual = {});

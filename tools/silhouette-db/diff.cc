@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db diff: compares two databases.
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "absl/strings/str_join.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "db/store/suspects.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -19,8 +21,8 @@ constexpr uint64_t kShown = 20;
 
 struct DiffOptions {
   std::string first;
-  std::string variant = schema::kDefaultVariant;
-  std::string second_variant;
+  std::string variant;         // empty: all, if the second is empty, too; else the default one
+  std::string second_variant;  // empty: as the first
   std::string second;
   bool masks_only = false;
   std::string format = "text";
@@ -29,8 +31,12 @@ struct DiffOptions {
 // Keeps the first differences and counts all.
 class Printer {
  public:
+  // From now on lines are of this variant; empty: of none.
+  void Of(const std::string& variant) {
+    of_ = variant.empty() ? "" : absl::StrCat("variant '", variant, "': ");
+  }
   void Say(const std::string& line) {
-    if (++count_ <= kShown) first_.push_back(line);
+    if (++count_ <= kShown) first_.push_back(of_ + line);
   }
   ExitCode Finish(const std::string& format) const {
     std::string text;
@@ -42,6 +48,7 @@ class Printer {
   }
 
  private:
+  std::string of_;
   uint64_t count_ = 0;
   std::vector<std::string> first_;
 };
@@ -70,6 +77,10 @@ std::string DifferenceOf(const Database& database, const RobotImage& a, const Ro
 absl::Status CompareRecords(const OpenedDatabase& first, const OpenedDatabase& second,
                             bool masks_only, Printer& printer) {
   const ConfigurationGrid& grid = first.database->grid();
+  ASSIGN_OR_RETURN(const auto first_history, first.snapshot.CaptureHistory());
+  ASSIGN_OR_RETURN(const auto second_history, second.snapshot.CaptureHistory());
+  const SuspectSpans a_suspects(first_history);
+  const SuspectSpans b_suspects(second_history);
   Progress progress("diff", first.snapshot.size() + second.snapshot.size(), "records");
   uint64_t done = 0;
   absl::Status failure;
@@ -86,6 +97,10 @@ absl::Status CompareRecords(const OpenedDatabase& first, const OpenedDatabase& s
         } else if (const std::string what = DifferenceOf(*first.database, *a, **b, masks_only);
                    !what.empty()) {
           printer.Say(name(number) + what);
+        } else if (!masks_only &&
+                   a_suspects.Contain(a->captured) != b_suspects.Contain((*b)->captured)) {
+          printer.Say(absl::StrCat(name(number), "suspect in the ",
+                                   a_suspects.Contain(a->captured) ? "first" : "second"));
         }
         progress.Update(++done);
         return !StopRequested();
@@ -110,6 +125,27 @@ std::string DifferenceOf(const std::optional<Message>& a, const std::optional<Me
   return !a || a->SerializeAsString() == b->SerializeAsString() ? "" : "different";
 }
 
+// What drawn robot images are drawn from.
+absl::Status CompareDrawn(const OpenedDatabase& first, const OpenedDatabase& second,
+                          Printer& printer) {
+  ASSIGN_OR_RETURN(const auto a, first.snapshot.DrawnImages());
+  ASSIGN_OR_RETURN(const auto b, second.snapshot.DrawnImages());
+  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
+    printer.Say("what robot images are drawn from: " + what);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CompareVerifications(const OpenedDatabase& first, const OpenedDatabase& second,
+                                  Printer& printer) {
+  ASSIGN_OR_RETURN(const auto a, first.snapshot.Verification());
+  ASSIGN_OR_RETURN(const auto b, second.snapshot.Verification());
+  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
+    printer.Say("verification of the model: " + what);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase& second,
                                Printer& printer) {
   ASSIGN_OR_RETURN(const auto a, first.snapshot.References());
@@ -130,20 +166,48 @@ absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDataba
     printer.Say("calibration: " + what);
     return absl::OkStatus();
   }
+  bool same_cameras = true;
   for (int i = 0; i < a->cameras_size(); ++i) {
     if (a->cameras(i).SerializeAsString() == b->cameras(i).SerializeAsString()) continue;
+    same_cameras = false;
     printer.Say(absl::StrCat("calibration: different camera models of view '",
                              first.database->cell().views(i).name(), "'"));
+  }
+  if (same_cameras) printer.Say("calibration: different, with the same camera models");
+  return absl::OkStatus();
+}
+
+// All variants that both have; says which only one of them has.
+absl::Status CompareFurtherVariants(const OpenedDatabase& first, const OpenedDatabase& second,
+                                    const DiffOptions& options, Printer& printer) {
+  ASSIGN_OR_RETURN(const std::vector<std::string> a, first.database->Variants());
+  ASSIGN_OR_RETURN(const std::vector<std::string> b, second.database->Variants());
+  for (const std::string& name : b) {
+    printer.Of(name);
+    if (std::ranges::find(a, name) == a.end()) printer.Say("only in the second");
+  }
+  for (const std::string& name : a) {
+    printer.Of(name);
+    if (std::ranges::find(b, name) == b.end()) {
+      printer.Say("only in the first");
+    } else if (name != schema::kDefaultVariant) {
+      ASSIGN_OR_RETURN(const OpenedDatabase of_first, OpenForReading(options.first, name));
+      ASSIGN_OR_RETURN(const OpenedDatabase of_second, OpenForReading(options.second, name));
+      if (!options.masks_only) RETURN_IF_ERROR(CompareDrawn(of_first, of_second, printer));
+      RETURN_IF_ERROR(CompareRecords(of_first, of_second, options.masks_only, printer));
+    }
   }
   return absl::OkStatus();
 }
 
 absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
-  ASSIGN_OR_RETURN(const OpenedDatabase first, OpenForReading(options.first, options.variant));
+  const bool all = options.variant.empty() && options.second_variant.empty();
+  const std::string variant = options.variant.empty() ? schema::kDefaultVariant : options.variant;
+  ASSIGN_OR_RETURN(const OpenedDatabase first, OpenForReading(options.first, variant));
   ASSIGN_OR_RETURN(
       const OpenedDatabase second,
       OpenForReading(options.second,
-                     options.second_variant.empty() ? options.variant : options.second_variant));
+                     options.second_variant.empty() ? variant : options.second_variant));
   CatchStopSignals();
   Printer printer;
   for (const std::string& sentence :
@@ -159,8 +223,11 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
   if (!options.masks_only) {
     RETURN_IF_ERROR(CompareReferences(first, second, printer));
     RETURN_IF_ERROR(CompareCalibrations(first, second, printer));
+    RETURN_IF_ERROR(CompareVerifications(first, second, printer));
+    RETURN_IF_ERROR(CompareDrawn(first, second, printer));
   }
   RETURN_IF_ERROR(CompareRecords(first, second, options.masks_only, printer));
+  if (all) RETURN_IF_ERROR(CompareFurtherVariants(first, second, options, printer));
   return printer.Finish(options.format);
 }
 
@@ -171,12 +238,14 @@ void AddDiff(CLI::App& app, Work& work) {
       AddCommand(app, work, "diff", "Compares two databases; exit code 1 if they differ", Diff);
   command.add_option("first", options.first, "Folder of a database")->required();
   command.add_option("second", options.second, "Folder of another")->required();
-  AddVariantOption(command, options.variant);
+  command.add_option("--variant", options.variant, "The variant, by its name; default: all");
   command.add_option(
       "--second-variant", options.second_variant,
       "Variant of the second database, if it has another name; both may be one database");
-  command.add_flag("--masks-only", options.masks_only,
-                   "Ignore capture times, joint values, reference images and calibration");
+  command.add_flag(
+      "--masks-only", options.masks_only,
+      "Ignore capture times, joint values, reference images, calibration, the model's\n"
+      "verification, what images are drawn from, and which are suspect");
   AddFormatOption(command, options.format);
   command.footer(
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"

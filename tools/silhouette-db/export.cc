@@ -12,6 +12,7 @@
 #include "common/picture/mask_png.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "db/store/suspects.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -100,21 +101,26 @@ absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
   CatchStopSignals();
   Exporter exporter(*opened.database, options.folder);
   RETURN_IF_ERROR(exporter.Begin());
+  ASSIGN_OR_RETURN(const auto history, opened.snapshot.CaptureHistory());
+  const SuspectSpans suspects(history);
   uint64_t written = 0;
   uint64_t damaged = 0;
+  uint64_t suspect = 0;
   absl::Status failure;
   {
     Progress progress("export", opened.snapshot.size(), "records");
     const absl::Status status =
         opened.snapshot.ForEach([&](ConfigurationNumber, const absl::StatusOr<RobotImage>& image) {
-          if (image.ok()) {
-            failure = exporter.Write(*image);
-            ++written;
-          } else {
+          if (!image.ok()) {
             progress.Say("left out: " + std::string(image.status().message()));
             ++damaged;
+          } else if (!image->excluded && suspects.Contain(image->captured)) {
+            ++suspect;
+          } else {
+            failure = exporter.Write(*image);
+            ++written;
           }
-          progress.Update(written + damaged);
+          progress.Update(written + damaged + suspect);
           return failure.ok() && !StopRequested();
         });
     if (!failure.ok()) return failure;
@@ -127,16 +133,19 @@ absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
   }
   RETURN_IF_ERROR(exporter.Finish());
   const std::string table = absl::StrCat(options.folder, "/", kConfigurationsFile);
-  const nlohmann::ordered_json json = {{"database", options.database},
-                                       {"table", table},
-                                       {"exported", written},
-                                       {"damaged", damaged},
-                                       {"references", references.has_value()}};
+  const nlohmann::ordered_json json = {
+      {"database", options.database}, {"table", table},     {"exported", written},
+      {"damaged", damaged},           {"suspect", suspect}, {"references", references.has_value()}};
   PrintResult(
       options.format, json,
       absl::StrCat(written, " records exported to ", table,
-                   damaged > 0 ? absl::StrCat(", ", damaged, " damaged ones left out") : "", "\n"));
-  return damaged == 0 ? kDone : kNo;
+                   damaged > 0 ? absl::StrCat(", ", damaged, " damaged ones left out") : "",
+                   suspect > 0 ? absl::StrCat(", ", suspect,
+                                              " left out that were captured while the cell may "
+                                              "have changed")
+                               : "",
+                   "\n"));
+  return damaged + suspect == 0 ? kDone : kNo;
 }
 
 }  // namespace
@@ -148,7 +157,10 @@ void AddExport(CLI::App& app, Work& work) {
   AddVariantOption(command, options.variant);
   command.add_option("folder,--folder", options.folder, "New folder")->required();
   AddFormatOption(command, options.format);
-  command.footer("Example:\n  silhouette-db export cell.lmdb masks/");
+  command.footer(
+      "Exit code 1: robot images were left out, for they are damaged, or suspect: captured while\n"
+      "the cell may have changed.\n\n"
+      "Example:\n  silhouette-db export cell.lmdb masks/");
 }
 
 }  // namespace silhouette

@@ -296,6 +296,8 @@ void CheckMeta(const storage::v1::CellDescription& cell, const Snapshot& snapsho
   } else if (*references && (*references)->views_size() != cell.views_size()) {
     findings.faults.push_back("there are reference images for another number of views");
   }
+  const auto calibration = snapshot.Calibration();
+  if (!calibration.ok()) findings.faults.emplace_back(calibration.status().message());
   const auto verification = snapshot.Verification();
   if (!verification.ok()) findings.faults.emplace_back(verification.status().message());
   const auto provenance = snapshot.Provenance();

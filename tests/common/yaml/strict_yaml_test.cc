@@ -125,6 +125,13 @@ TEST(StrictYaml, AMissingKeyThatIsThereMistypedIsNamed) {
               HasSubstr("the key 'views' is missing"));
 }
 
+TEST(StrictYaml, KeyWhoseValueWasForgottenIsRefused) {
+  for (const char* text : {"margin:", "margin: ~", "margin: # 1 px"}) {
+    EXPECT_EQ(ErrorOf([=] { YamlMap(Parse(text)).Get<double>("margin", 0); }),
+              "file.yaml:1: margin: it has no value; write one, or leave the key out");
+  }
+}
+
 TEST(StrictYaml, AnglesAndTimesTakeUnits) {
   EXPECT_DOUBLE_EQ(Parse("1.5").AsAngle(), 1.5);
   EXPECT_DOUBLE_EQ(Parse("180 deg").AsAngle(), std::numbers::pi);

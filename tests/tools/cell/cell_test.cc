@@ -239,6 +239,15 @@ TEST(Cell, MistakesAreToldWithLineAndMend) {
   EXPECT_THAT(MessageOf(std::string(kBareCell) +
                         "capture:\n  forbidden_regions: [{name: x, joints: {d: [0, 1]}}]\n"),
               HasSubstr("'d' is not a joint of the grid"));
+  const auto forbidden = [](const std::string& bounds) {
+    return MessageOf(std::string(kBareCell) +
+                     "capture:\n  forbidden_regions: [{name: x, joints: {" + "a: [" + bounds +
+                     "]}}]\n");
+  };
+  EXPECT_THAT(forbidden("120, 150"), HasSubstr("write degrees as '90 deg'"));
+  EXPECT_THAT(forbidden("10, 12"), HasSubstr("the region protects nothing: 'a' goes from 0 to"));
+  EXPECT_THAT(MessageOf(Changed("continuous: true", "continuous: true, lower: -180")),
+              HasSubstr("write degrees as '90 deg'"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {commit_interval: 5 s}\n"),
               HasSubstr("at most 2 s"));
   EXPECT_THAT(MessageOf(std::string(kBareCell) + "capture: {raw_images: some}\n"),

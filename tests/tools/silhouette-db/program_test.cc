@@ -80,7 +80,7 @@ TEST_F(SilhouetteDb, InfoTellsWhatADatabaseHolds) {
   EXPECT_EQ(info["references"], true);
 }
 
-TEST_F(SilhouetteDb, VerifyTellsSuspectRobotImages) {
+TEST_F(SilhouetteDb, VerifyTellsSuspectRobotImagesAndExportLeavesThemOut) {
   MakeDatabase("db");
   {
     const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
@@ -101,6 +101,11 @@ TEST_F(SilhouetteDb, VerifyTellsSuspectRobotImages) {
   EXPECT_EQ(text.exit_code, 1);
   EXPECT_THAT(text.out, HasSubstr("1 robot images were captured while the cell may have changed"));
   EXPECT_EQ(Json::parse(Run("verify db --format json").out)["suspect"], 1);
+  const Ended exported = Run("export db out --format json");
+  EXPECT_EQ(exported.exit_code, 1);
+  EXPECT_EQ(Json::parse(exported.out)["suspect"], 1);
+  EXPECT_EQ(Json::parse(exported.out)["exported"], 29);
+  EXPECT_THAT(Read("out/configurations.csv"), Not(HasSubstr("1970-01-01T00:00:15")));
 }
 
 TEST_F(SilhouetteDb, VerifyTellsRobotImagesCapturedWithAFixedJointElsewhere) {
@@ -727,6 +732,36 @@ TEST_F(SilhouetteDb, DiffTellsWhatDiffers) {
   EXPECT_THAT(other.out, AllOf(HasSubstr("pixels of view 'left'"), HasSubstr("capture time"),
                                HasSubstr("more differences")));
   EXPECT_THAT(Run("diff --masks-only a c").out, Not(HasSubstr("capture time")));
+}
+
+TEST_F(SilhouetteDb, DiffTellsOfVariantsVerificationAndSuspects) {
+  MakeDatabase("a");
+  MakeDatabase("b");
+  for (const std::string name : {"a", "b"}) {
+    const auto database = Database::Open(folder_ / name, Database::Access::kWrite);
+    const auto variant = (*database)->CreateVariant("closed", "test");
+    ASSERT_TRUE(variant.ok());
+    if (name == "a") continue;
+    auto writer = (*variant)->Write("test");
+    ASSERT_TRUE(writer->Put(TestImage(**variant, NumberAt(2, 1))).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+    ASSERT_TRUE((*database)->CreateVariant("open", "test").ok());
+    storage::v1::ModelVerification verification;
+    verification.set_digest("x");
+    ASSERT_TRUE((*database)->SetVerification(verification, "test").ok());
+    storage::v1::CaptureHistory history;
+    history.add_suspects()->mutable_until()->set_seconds(1'000'000'000'000);
+    ASSERT_TRUE((*database)->SetCaptureHistory(history).ok());
+  }
+  const Ended ended = Run("diff a b");
+  EXPECT_EQ(ended.exit_code, 1);
+  EXPECT_THAT(ended.out, AllOf(HasSubstr("verification of the model: only in the second"),
+                               HasSubstr("suspect in the second")));
+  const Json json = Json::parse(Run("diff --masks-only a b --format json").out);
+  EXPECT_EQ(json["differences"], 2) << json;
+  EXPECT_THAT(json["first"][0], HasSubstr("variant 'open': only in the second"));
+  EXPECT_THAT(json["first"][1], HasSubstr("variant 'closed': configuration "));
+  EXPECT_EQ(Run("diff --masks-only --variant default a b").exit_code, 0);
 }
 
 TEST_F(SilhouetteDb, EverySubcommandTellsAMissingOrForeignDatabase) {

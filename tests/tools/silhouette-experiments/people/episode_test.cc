@@ -79,7 +79,7 @@ TEST_F(PeopleTest, TheRobotLeavesWhoStandsBesideItAndWaitsForWhoWalksToIt) {
   const double floor = workplace_->simulation().settings().room.lower.z();
   PathFollower robot(
       stage_->stations()[0],
-      [&](auto from, auto to) { return GreatestDisplacement(stage_->robot(), from, to); },
+      [&](auto from, auto to) { return FastestMovement(stage_->robot(), from, to); },
       stage_->rule().acceleration);
   robot.Follow({stage_->stations()[0], stage_->stations()[1]});
   Truth truth(*workplace_, stage_->robot(), 1);
@@ -104,6 +104,29 @@ TEST_F(PeopleTest, TheRobotLeavesWhoStandsBesideItAndWaitsForWhoWalksToIt) {
   EXPECT_GT(left, 0);
 }
 
+TEST_F(PeopleTest, NoPieceOfAWayIsFasterThanTheMovementSaysAndItsFastestIsAsFast) {
+  const DrawnRobot& arm = stage_->robot();
+  constexpr int kPieces = 500;
+  Configuration from = stage_->stations()[0];
+  Configuration to = stage_->stations()[1];
+  const double movement = FastestMovement(arm, from, to);
+  EXPECT_LT(movement, GreatestDisplacement(arm, from, to));
+  std::vector<Eigen::Isometry3d> before;
+  std::vector<Eigen::Isometry3d> poses;
+  arm.chain().Pose(from, before);
+  double fastest = 0;
+  for (int piece = 1; piece <= kPieces; ++piece) {
+    Configuration q = from;
+    for (size_t j = 0; j < q.size(); ++j) {
+      q[j] = std::lerp(from[j], to[j], static_cast<double>(piece) / kPieces);
+    }
+    arm.chain().Pose(q, poses);
+    fastest = std::max(fastest, DisplacementBetween(arm, before, poses));
+    before.swap(poses);
+  }
+  EXPECT_NEAR(fastest * kPieces, movement, 0.02 * movement);
+}
+
 // An arm of six joints in a cell that states no grid, and people around it, near and farther away.
 TEST(PeopleWithoutAGrid, WaysKeepTheirDistanceAndTheWayOutIsShort) {
   auto workplace =
@@ -113,7 +136,7 @@ TEST(PeopleWithoutAGrid, WaysKeepTheirDistanceAndTheWayOutIsShort) {
   const JointSpace space{.grid = workplace.cell().grid, .limits_only = true};
   const SpeedRule rule = DefaultRule(1.5);
   const double least = rule.ProtectiveDistances().front();
-  const auto movement = [&](auto from, auto to) { return GreatestDisplacement(arm, from, to); };
+  const auto movement = [&](auto from, auto to) { return FastestMovement(arm, from, to); };
   const Configuration start = {-1, -0.3, 1.2, 0, 0.5, 0};
   const Configuration goal = {1, -0.3, 1.2, 0, 0.5, 0};
   const PathFollower robot(start, movement, rule.acceleration);
