@@ -158,7 +158,7 @@ TEST(PoseRefusals, ASizeThatTheMotionDoesNotCheckIsRefusedUnlessItIsVouchedFor) 
   BoardDescription board = rig.problem.boards[0].board.description();
   board.tag_size /= 1.03;
   rig.problem.boards[0].board = Board(board);
-  const auto unchecked = HasSubstr("checks the size of board 'flange' (+- ");
+  const auto unchecked = HasSubstr("determines the size of board 'flange' (+- ");
   EXPECT_THAT(Refusal(rig.problem),
               AllOf(unchecked, HasSubstr("by 20 cm and more"), HasSubstr("--trust-size stated"),
                     HasSubstr("--accept-doubts")));
