@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <ranges>
 #include <set>
 #include <stdexcept>
 #include <system_error>
@@ -483,7 +482,8 @@ absl::Status PutInPlace(std::vector<fs::path> files, const fs::path& folder) {
       files, [](const fs::path& file) { return file.filename() == kSessionFileName; });
   std::error_code error;
   for (const fs::path& file : files) fs::remove(folder / file.filename(), error);
-  for (const fs::path& file : std::views::reverse(files)) {
+  std::ranges::reverse(files);
+  for (const fs::path& file : files) {
     const fs::path place = folder / file.filename();
     fs::rename(file, place, error);
     if (!error) continue;
