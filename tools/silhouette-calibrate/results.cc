@@ -478,8 +478,8 @@ absl::StatusOr<std::vector<std::string>> WritePoseFiles(const std::string& folde
 // files; the new calibration.yaml comes last. Cut short, it leaves a folder that lacks cameras, or
 // one without calibration.yaml whose cameras belong together.
 absl::Status PutInPlace(std::vector<fs::path> files, const fs::path& folder) {
-  std::ranges::stable_partition(
-      files, [](const fs::path& file) { return file.filename() == kSessionFileName; });
+  std::stable_partition(files.begin(), files.end(),
+                        [](const fs::path& file) { return file.filename() == kSessionFileName; });
   std::error_code error;
   for (const fs::path& file : files) fs::remove(folder / file.filename(), error);
   std::ranges::reverse(files);
