@@ -147,7 +147,7 @@ TEST_F(DamagedFileTest, FileCutUnderARunningServerMakesAllUnknown) {
   WaitForLog("nothing is free: the file of the database");
   EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
   program->Signal(SIGHUP);
-  WaitForLog("not reloaded, still serving the old state");
+  WaitForLog("not reloaded, and nothing is free");
   EXPECT_EQ(NewMap().unknown_reason(), v1::Verdict::REASON_DATABASE_DAMAGED);
   EXPECT_EQ(program->End(SIGTERM), 0);
 }

@@ -324,7 +324,7 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
 }
 
 TEST(SilhouetteCheck, StreamThatIsRefusedEndsHoweverManyLinesThereAre) {
-  const SmallServedCell cell("server: {limits: {streams_per_client: 1}}\n");
+  const SmallServedCell cell("  limits: {streams_per_client: 1}\n");
   const Ended refused = cell.shell().Run(
       "export SILHOUETTE_SERVER=" + cell.address() + "; PATH=" + ProgramFolder() +
       ":$PATH; silhouette watch 0,0 >watched & watch=$!; "
