@@ -125,35 +125,22 @@ std::string DifferenceOf(const std::optional<Message>& a, const std::optional<Me
   return !a || a->SerializeAsString() == b->SerializeAsString() ? "" : "different";
 }
 
-// What drawn robot images are drawn from.
+// `part` of both databases, which `name` names.
+template <typename Part>
+absl::Status ComparePart(const OpenedDatabase& first, const OpenedDatabase& second, Part part,
+                         const std::string& name, Printer& printer) {
+  ASSIGN_OR_RETURN(const auto a, (first.snapshot.*part)());
+  ASSIGN_OR_RETURN(const auto b, (second.snapshot.*part)());
+  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
+    printer.Say(absl::StrCat(name, ": ", what));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CompareDrawn(const OpenedDatabase& first, const OpenedDatabase& second,
                           Printer& printer) {
-  ASSIGN_OR_RETURN(const auto a, first.snapshot.DrawnImages());
-  ASSIGN_OR_RETURN(const auto b, second.snapshot.DrawnImages());
-  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
-    printer.Say("what robot images are drawn from: " + what);
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CompareVerifications(const OpenedDatabase& first, const OpenedDatabase& second,
-                                  Printer& printer) {
-  ASSIGN_OR_RETURN(const auto a, first.snapshot.Verification());
-  ASSIGN_OR_RETURN(const auto b, second.snapshot.Verification());
-  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
-    printer.Say("verification of the model: " + what);
-  }
-  return absl::OkStatus();
-}
-
-absl::Status CompareReferences(const OpenedDatabase& first, const OpenedDatabase& second,
-                               Printer& printer) {
-  ASSIGN_OR_RETURN(const auto a, first.snapshot.References());
-  ASSIGN_OR_RETURN(const auto b, second.snapshot.References());
-  if (const std::string what = DifferenceOf(a, b); !what.empty()) {
-    printer.Say("reference images: " + what);
-  }
-  return absl::OkStatus();
+  return ComparePart(first, second, &Snapshot::DrawnImages, "what robot images are drawn from",
+                     printer);
 }
 
 absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDatabase& second,
@@ -221,9 +208,10 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
     return printer.Finish(options.format);
   }
   if (!options.masks_only) {
-    RETURN_IF_ERROR(CompareReferences(first, second, printer));
+    RETURN_IF_ERROR(ComparePart(first, second, &Snapshot::References, "reference images", printer));
     RETURN_IF_ERROR(CompareCalibrations(first, second, printer));
-    RETURN_IF_ERROR(CompareVerifications(first, second, printer));
+    RETURN_IF_ERROR(
+        ComparePart(first, second, &Snapshot::Verification, "verification of the model", printer));
     RETURN_IF_ERROR(CompareDrawn(first, second, printer));
   }
   RETURN_IF_ERROR(CompareRecords(first, second, options.masks_only, printer));

@@ -229,7 +229,7 @@ class SuspectWatch {
       fault_ = std::move(now);
       if (!fault_.empty()) spdlog::error("suspect robot images are not noticed: {}", fault_);
     }
-    if (!changed.ok() || !*changed) return false;
+    if (changed.ok() ? !*changed : !absl::IsDataLoss(changed.status())) return false;
     spdlog::warn("nothing is free: {}", kChanged);
     database.damage().Note(kChanged);
     looks_ = 0;
