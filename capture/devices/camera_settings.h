@@ -35,6 +35,9 @@ struct GenicamSource {
   std::optional<absl::Duration> exposure = std::nullopt;
   std::optional<double> gain = std::nullopt;  // in the camera's unit
   bool colour = false;                        // colour pixels if it has any; else grey ones
+  // The sensor's pixel at the image's upper left corner.
+  int offset_x = 0;
+  int offset_y = 0;
   // GigE: bytes of a packet; nothing: the largest that gets through.
   std::optional<int> packet_size = std::nullopt;
   // The longest that an image is under way; counts unless images are triggered by software.

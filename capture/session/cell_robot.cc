@@ -2,14 +2,13 @@
 #include "capture/session/cell_robot.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <set>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "capture/devices/joint_deviation.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -72,30 +71,14 @@ absl::StatusOr<std::vector<double>> CellRobot::Measure() {
   return values;
 }
 
-double CellRobot::DeviationOf(size_t joint, const std::vector<double>& commanded,
-                              const std::vector<double>& measured) const {
-  double deviation = measured[joint] - commanded[joint];
-  if (joint < continuous_.size() && continuous_[joint]) {
-    deviation = std::remainder(deviation, 2 * std::numbers::pi);
-  }
-  return std::isfinite(deviation) ? std::abs(deviation) : INFINITY;
-}
-
 double CellRobot::Deviation(const std::vector<double>& commanded,
                             const std::vector<double>& measured) const {
-  double greatest = 0;
-  for (size_t i = 0; i < commanded.size(); ++i) {
-    greatest = std::max(greatest, DeviationOf(i, commanded, measured));
-  }
-  return greatest;
+  return GreatestDeviation(commanded, measured, continuous_).deviation;
 }
 
 std::string CellRobot::WhichDeviates(const std::vector<double>& commanded,
                                      const std::vector<double>& measured) const {
-  size_t most = 0;
-  for (size_t i = 1; i < commanded.size(); ++i) {
-    if (DeviationOf(i, commanded, measured) > DeviationOf(most, commanded, measured)) most = i;
-  }
+  const size_t most = GreatestDeviation(commanded, measured, continuous_).joint;
   return absl::StrFormat("the joint '%s' is at %.4f instead of %.4f", names_[most], measured[most],
                          commanded[most]);
 }

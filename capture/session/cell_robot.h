@@ -45,10 +45,6 @@ class CellRobot {
  private:
   explicit CellRobot(Robot& robot) : robot_(&robot) {}
 
-  // Of a joint by its place; infinite for a value that is not a number.
-  double DeviationOf(size_t joint, const std::vector<double>& commanded,
-                     const std::vector<double>& measured) const;
-
   Robot* robot_;
   std::vector<std::string> names_;
   std::vector<bool> continuous_;  // per grid joint

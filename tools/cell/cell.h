@@ -97,7 +97,8 @@ struct Cell {
   // no model, or the file states no grid.
   double grid_move = 0;
   std::vector<FixedJoint> fixed_joints;  // the joints outside the grid
-  // By the name of each joint of the model: whether it slides. Empty: there is no model.
+  // By the name of each joint of the model: whether it slides. Without a model: the joints whose
+  // values the file states as lengths.
   std::map<std::string, bool> joint_slides;
   std::vector<ViewSettings> views;
   // What the robot never leaves; nothing: not said.

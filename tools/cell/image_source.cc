@@ -78,6 +78,12 @@ GenicamSource ReadGenicam(const YamlNode& node, GenicamSource::Bus bus) {
   if (source.trigger == CameraTrigger::kHardware) map.Read("line", source.line, NotEmpty);
   ReadExposure(map, source);
   source.colour = map.Get<bool>("colour", source.colour);
+  if (const auto offset = map.Optional("offset")) {
+    const std::vector<int> pixel = offset->Values<int>(2);
+    if (pixel[0] < 0 || pixel[1] < 0) offset->Fail("pixels of the sensor from 0 are expected");
+    source.offset_x = pixel[0];
+    source.offset_y = pixel[1];
+  }
   if (source.trigger == CameraTrigger::kSoftware) {
     map.Read("timeout", source.timeout, Timeout);
   } else {

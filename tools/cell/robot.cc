@@ -23,6 +23,7 @@ struct RobotSection {
   RobotSettings settings;
   std::vector<GridJoint> moving;  // with one step each
   std::vector<FixedJoint> fixed;
+  std::map<std::string, bool> slides;  // Cell::joint_slides
 };
 
 // The model's joint of that name; fails at `node` if there is none.
@@ -36,7 +37,14 @@ const RobotJoint& ModelJoint(const RobotModel& model, const std::string& name,
                            : "it has " + ListOfWords(known)));
 }
 
-GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
+// Whether a joint value has a unit of length.
+bool IsLength(const YamlNode& value) {
+  return value.IsScalar() && value.As<std::string>().ends_with('m');
+}
+
+// Notes in `slides` a joint without a model whose limits are lengths.
+GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model,
+                          std::map<std::string, bool>& slides) {
   YamlMap map(node);
   GridJoint joint;
   joint.name = map.Get<std::string>("name");
@@ -46,6 +54,9 @@ GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   const bool turns = in_model != nullptr && in_model->type == JointType::kContinuous;
   joint.continuous = map.Get<bool>("continuous", turns && !lower && !upper);
   map.Finish();
+  if (model == nullptr && ((lower && IsLength(*lower)) || (upper && IsLength(*upper)))) {
+    slides[joint.name] = true;
+  }
   if (joint.continuous && in_model != nullptr && !turns) {
     node.Fail("the model says that '" + joint.name + "' is not continuous");
   }
@@ -69,8 +80,8 @@ GridJoint ReadMovingJoint(const YamlNode& node, const RobotModel* model) {
   return joint;
 }
 
-std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
-                                        const RobotSection& robot, const YamlNode& robot_node) {
+std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node, RobotSection& robot,
+                                        const YamlNode& robot_node) {
   std::vector<FixedJoint> fixed;
   if (node) {
     YamlMap map(*node);
@@ -82,6 +93,7 @@ std::vector<FixedJoint> ReadFixedJoints(const std::optional<YamlNode>& node,
       const RobotJoint* const joint =
           robot.settings.model ? &ModelJoint(*robot.settings.model, name, value) : nullptr;
       const double position = JointValue(value, joint);
+      if (joint == nullptr && IsLength(value)) robot.slides[name] = true;
       if (joint != nullptr && joint->type != JointType::kContinuous &&
           (position < joint->lower || position > joint->upper)) {
         value.Fail("beyond the joint's limits in the model, " + std::to_string(joint->lower) +
@@ -152,9 +164,12 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
     auto model = RobotModel::FromUrdf(ResolvePath(folder, urdf->As<std::string>()), package_paths);
     if (!model.ok()) urdf->Fail(std::string(model.status().message()));
     robot.settings.model = std::make_shared<const RobotModel>(*std::move(model));
+    for (const RobotJoint& joint : robot.settings.model->joints()) {
+      robot.slides[joint.name] = joint.type == JointType::kPrismatic;
+    }
   }
   for (const YamlNode& joint : joints.Items()) {
-    robot.moving.push_back(ReadMovingJoint(joint, robot.settings.model.get()));
+    robot.moving.push_back(ReadMovingJoint(joint, robot.settings.model.get(), robot.slides));
   }
   if (robot.settings.arm_joints >= static_cast<int>(robot.moving.size())) {
     images->Fail("arm_joints is " + std::to_string(robot.settings.arm_joints) + ", and " +
@@ -163,15 +178,6 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   }
   robot.fixed = ReadFixedJoints(fixed, robot, node);
   return robot;
-}
-
-std::map<std::string, bool> SlidesOf(const RobotSection& robot) {
-  std::map<std::string, bool> slides;
-  if (!robot.settings.model) return slides;
-  for (const RobotJoint& joint : robot.settings.model->joints()) {
-    slides[joint.name] = joint.type == JointType::kPrismatic;
-  }
-  return slides;
 }
 
 // How far each joint moves the robot's points: metres per radian or metre.
@@ -288,7 +294,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
       robot_node.Fail("the cell needs a 'grid', unless the robot has 'images: drawn'");
     }
     if (robot.settings.arm_joints > 0) robot_node.Fail("arm_joints needs a 'grid'");
-    return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed, SlidesOf(robot)};
+    return {robot.settings, GridOfLimits(robot, robot_node), 0, robot.fixed, robot.slides};
   }
   const YamlNode& grid_node = *grid;
   YamlMap map(grid_node);
@@ -324,7 +330,7 @@ RobotAndGrid ReadRobotAndGrid(const YamlNode& robot_node, const std::optional<Ya
     const std::vector<double> moves = MovesOf(joints, reaches);
     const double most = moves.empty() ? 0 : std::ranges::max(moves);
     return {robot.settings, MakeGrid(std::move(joints), robot, robot_node), most, robot.fixed,
-            SlidesOf(robot)};
+            robot.slides};
   } catch (const std::invalid_argument& error) {
     grid_node.Fail(error.what());
   }

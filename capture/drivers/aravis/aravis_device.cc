@@ -154,27 +154,41 @@ absl::Status SetPixels(ArvCamera* camera, const GenicamSource& source) {
                    absl::StrJoin(available, ", ")));
 }
 
-absl::Status SetRegion(ArvCamera* camera, int width, int height) {
+// Whatever the camera has: after a power failure it may have another region.
+absl::Status SetRegion(ArvCamera* camera, int width, int height, const GenicamSource& source) {
   gint x = 0, y = 0, has_width = 0, has_height = 0;
   const auto ask = [&] {
     return Call(kRefused, arv_camera_get_region, camera, &x, &y, &has_width, &has_height);
   };
+  const auto fits = [&] {
+    return x == source.offset_x && y == source.offset_y && has_width == width &&
+           has_height == height;
+  };
   RETURN_IF_ERROR(ask());
-  if (has_width == width && has_height == height) return absl::OkStatus();
+  if (fits()) return absl::OkStatus();
   gint sensor_width = 0, sensor_height = 0;
   RETURN_IF_ERROR(
       Call(kRefused, arv_camera_get_sensor_size, camera, &sensor_width, &sensor_height));
-  if (width > sensor_width || height > sensor_height) {
-    return absl::FailedPreconditionError(absl::StrCat("its sensor has ", sensor_width, " x ",
-                                                      sensor_height, " pixels; the cell says ",
-                                                      width, " x ", height));
+  if (source.offset_x > sensor_width - width || source.offset_y > sensor_height - height) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "its sensor has ", sensor_width, " x ", sensor_height, " pixels; the cell says ", width,
+        " x ", height, " (image_size) from ", source.offset_x, ", ", source.offset_y, " (offset)"));
   }
-  RETURN_IF_ERROR(Call(kRefused, arv_camera_set_region, camera, 0, 0, width, height));
+  // First at offset 0, where every size fits. Aravis skips negative values: some cameras refuse any
+  // offset.
+  const auto set = [&](gint to_x, gint to_y, gint to_width, gint to_height) {
+    return Call(kRefused, arv_camera_set_region, camera, to_x, to_y, to_width, to_height);
+  };
+  RETURN_IF_ERROR(set(x == 0 ? -1 : 0, y == 0 ? -1 : 0, width, height));
+  if (source.offset_x > 0 || source.offset_y > 0) {
+    RETURN_IF_ERROR(set(source.offset_x, source.offset_y, -1, -1));
+  }
   RETURN_IF_ERROR(ask());
-  if (has_width == width && has_height == height) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat("it makes images of ", has_width, " x ",
-                                                    has_height, " of the ", width, " x ", height,
-                                                    " pixels that the cell says"));
+  if (fits()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat("of its sensor it takes ", has_width, " x ", has_height, " pixels from ", x,
+                   ", ", y, " instead of ", width, " x ", height, " from ", source.offset_x, ", ",
+                   source.offset_y, "; state an image_size and offset that it can have"));
 }
 
 absl::Status SetTrigger(ArvCamera* camera, const GenicamSource& source) {
@@ -297,7 +311,7 @@ absl::StatusOr<CameraHandle> FindDevice(const GenicamSource& source) {
 
 absl::Status SetUpDevice(ArvCamera* camera, int width, int height, const GenicamSource& source) {
   RETURN_IF_ERROR(SetPixels(camera, source));
-  RETURN_IF_ERROR(SetRegion(camera, width, height));
+  RETURN_IF_ERROR(SetRegion(camera, width, height, source));
   RETURN_IF_ERROR(SetTrigger(camera, source));
   RETURN_IF_ERROR(FixExposure(camera, source));
   return SetPackets(camera, source);

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/feedback_robot.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "capture/devices/joint_deviation.h"
 #include "capture/devices/running_clock.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
@@ -19,10 +21,7 @@ constexpr std::chrono::milliseconds kTick{10};
 }  // namespace
 
 FeedbackRobot::FeedbackRobot(std::unique_ptr<ControllerLink> link, const MotionLimits& limits)
-    : limits_(limits),
-      names_(link->joints()),
-      stillness_(limits.tolerance),
-      link_(std::move(link)) {
+    : limits_(limits), names_(link->joints()), stillness_(limits), link_(std::move(link)) {
   CheckLimits(limits_);
   guard_ = std::thread([this] { StopWhenAlarmed(); });
   link_->Start({.feedback = [this](const RobotFeedback& feedback) { OnFeedback(feedback); },
@@ -39,13 +38,24 @@ FeedbackRobot::~FeedbackRobot() {
   link_.reset();
 }
 
+absl::Status FeedbackRobot::CheckNumbers(std::span<const double> positions) const {
+  for (size_t j = 0; j < std::min(names_.size(), positions.size()); ++j) {
+    if (std::isfinite(positions[j])) continue;
+    return absl::UnavailableError(absl::StrCat("the robot reports a position of '", names_[j],
+                                               "' that is not a number: ", positions[j],
+                                               "; check its controller or driver"));
+  }
+  return absl::OkStatus();
+}
+
 absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
   if (!feedback.fault.empty()) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
   if (feedback.positions.size() != hold_->size())
     return absl::AbortedError("the robot reported no positions");
-  const JointDeviation off = GreatestDeviation(*hold_, feedback.positions);
+  RETURN_IF_ERROR(CheckNumbers(feedback.positions));
+  const JointDeviation off = GreatestDeviation(*hold_, feedback.positions, limits_.continuous);
   if (off.deviation <= limits_.tolerance) return absl::OkStatus();
   return absl::AbortedError(
       absl::StrFormat("the robot moves when it should stand still: '%s' has left its place by %.4f",
@@ -125,6 +135,7 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
         absl::StrCat("the robot did not report its position within ", SpokenTime(limits_.silence)));
   }
   RETURN_IF_ERROR(Silence(RunningNow()));
+  RETURN_IF_ERROR(CheckNumbers(newest_->positions));
   return *newest_;
 }
 
@@ -162,9 +173,9 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   if (start.positions.size() != names_.size()) {
     return absl::AbortedError("the robot reported no positions");
   }
-  hold_.reset();
   move_failure_ = absl::OkStatus();
-  move_.emplace(names_, start.positions, goal, limits_, RunningNow());
+  move_.emplace(names_, start.positions, goal, limits_, RunningNow(), hold_);
+  hold_.reset();
   const absl::Duration duration = move_->duration();
   lock.unlock();
   absl::Status status = link_->Move(goal, duration);
@@ -172,7 +183,7 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   if (status.ok()) status = WaitForArrival(lock);
   move_.reset();
   if (status.ok()) {
-    hold_ = newest_->positions;
+    hold_ = NearestTurns(newest_->positions, goal, limits_.continuous);
     return status;
   }
   lock.unlock();

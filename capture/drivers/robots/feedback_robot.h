@@ -68,9 +68,9 @@ class FeedbackRobot : public Robot {
   // feedback was doubtful. FailedPrecondition: it is not ready, e.g. in emergency stop.
   absl::Status MoveTo(std::span<const double> positions) override;
 
-  // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or
-  // feedback was silent for too long since the last call; one call of State() or MoveTo() reports
-  // such a silence.
+  // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or a
+  // position is not a number, or feedback was silent for too long since the last call; one call of
+  // State() or MoveTo() reports such a silence.
   absl::StatusOr<RobotState> State() override;
 
   absl::Status Stop() override;
@@ -85,6 +85,8 @@ class FeedbackRobot : public Robot {
   absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
   absl::Status Silence(absl::Duration now);
   absl::Status CheckHold(const RobotFeedback& feedback) const;
+  // Unavailable: one is not a number.
+  absl::Status CheckNumbers(std::span<const double> positions) const;
   absl::Status WaitForArrival(std::unique_lock<std::mutex>& lock);
 
   const MotionLimits limits_;
@@ -101,9 +103,10 @@ class FeedbackRobot : public Robot {
   std::optional<MotionWatch> move_;  // under way
   absl::Status move_failure_;
   bool stop_asked_ = false;
-  std::optional<std::vector<double>> hold_;  // where it must stay
-  absl::Status alarm_;                       // why it may be used no more
-  bool alarmed_ = false;                     // the guard has to stop it
+  // Where it must stay; of continuous joints in the turn of the last goal.
+  std::optional<std::vector<double>> hold_;
+  absl::Status alarm_;    // why it may be used no more
+  bool alarmed_ = false;  // the guard has to stop it
   bool ending_ = false;
 
   std::thread guard_;

@@ -104,7 +104,8 @@ absl::Status ManualRobot::WaitUntilThere(std::span<const double> goal) {
     }
     std::vector<std::string> off;
     for (size_t j = 0; j < joints_.size(); ++j) {
-      const double deviation = state.positions[j] - goal[j];
+      double deviation = state.positions[j] - goal[j];
+      if (joints_[j].continuous) deviation = std::remainder(deviation, 2 * std::numbers::pi);
       if (std::abs(deviation) <= tolerance_) continue;
       off.push_back(absl::StrFormat("%s by %.3f %s", names_[j], deviation / UnitOf(joints_[j]),
                                     joints_[j].prismatic ? "mm" : "deg"));

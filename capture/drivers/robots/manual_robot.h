@@ -24,7 +24,8 @@ struct Operator {
 
 struct ManualJoint {
   std::string name;
-  bool prismatic = false;  // shown in millimetres, else in degrees
+  bool prismatic = false;   // shown in millimetres, else in degrees
+  bool continuous = false;  // full turns do not count
 };
 
 class ManualRobot : public Robot {

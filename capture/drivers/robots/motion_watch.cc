@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "capture/devices/joint_deviation.h"
 #include "common/times/times.h"
 
 namespace silhouette {
@@ -35,16 +36,6 @@ void CheckLimits(const MotionLimits& limits) {
   check(limits.silence > absl::ZeroDuration(), "feedback_timeout");
 }
 
-JointDeviation GreatestDeviation(std::span<const double> from, std::span<const double> to) {
-  JointDeviation greatest;
-  for (size_t j = 0; j < from.size(); ++j) {
-    const double deviation = std::abs(to[j] - from[j]);
-    if (!std::isfinite(deviation)) return {.joint = j, .deviation = INFINITY};
-    if (deviation > greatest.deviation) greatest = {.joint = j, .deviation = deviation};
-  }
-  return greatest;
-}
-
 void Stillness::Add(absl::Duration when, const std::vector<double>& positions) {
   samples_.push_back({when, positions});
   // One sample that is a moment old or older stays.
@@ -54,8 +45,9 @@ void Stillness::Add(absl::Duration when, const std::vector<double>& positions) {
 double Stillness::Change() const {
   double change = 0;
   for (const Sample& sample : samples_) {
-    change =
-        std::max(change, GreatestDeviation(sample.positions, samples_.back().positions).deviation);
+    change = std::max(
+        change,
+        GreatestDeviation(sample.positions, samples_.back().positions, continuous_).deviation);
   }
   return change;
 }
@@ -68,13 +60,14 @@ bool Stillness::still() const {
 bool Stillness::moving() const { return Change() > change_; }
 
 MotionWatch::MotionWatch(std::vector<std::string> names, std::vector<double> start,
-                         std::vector<double> goal, const MotionLimits& limits, absl::Duration begin)
+                         std::vector<double> goal, const MotionLimits& limits, absl::Duration begin,
+                         const std::optional<std::vector<double>>& held)
     : names_(std::move(names)),
-      start_(std::move(start)),
+      start_(held ? NearestTurns(start, *held, limits.continuous) : start),
       goal_(std::move(goal)),
       limits_(limits),
       begin_(begin),
-      stillness_(limits.tolerance),
+      stillness_(limits),
       progress_(start_),
       newest_(start_),
       last_progress_(begin) {
@@ -82,7 +75,9 @@ MotionWatch::MotionWatch(std::vector<std::string> names, std::vector<double> sta
   if (start_.size() != names_.size() || goal_.size() != names_.size()) {
     throw std::invalid_argument("start and goal must have a value for every joint");
   }
-  const double farthest = GreatestDeviation(start_, goal_).deviation;
+  // A controller may interpolate from what it reports.
+  const double farthest = std::max(GreatestDeviation(start, goal_).deviation,
+                                   GreatestDeviation(start_, goal_).deviation);
   if (!std::isfinite(farthest)) throw std::invalid_argument("start and goal must be numbers");
   duration_ = std::max(absl::Seconds(farthest / limits_.joint_speed), kLeastDuration);
 }
@@ -96,7 +91,9 @@ absl::Status MotionWatch::Tell(absl::Duration now, const RobotFeedback& feedback
                                            feedback.positions.size(), " joints and has ",
                                            names_.size()));
   }
-  const JointDeviation gone = GreatestDeviation(start_, feedback.positions);
+  const std::vector<double> positions =
+      NearestTurns(feedback.positions, newest_, limits_.continuous);
+  const JointDeviation gone = GreatestDeviation(start_, positions);
   const double seconds = absl::ToDoubleSeconds(now - begin_ + kLatency);
   if (!std::isfinite(gone.deviation)) {
     return absl::AbortedError(
@@ -110,26 +107,30 @@ absl::Status MotionWatch::Tell(absl::Duration now, const RobotFeedback& feedback
   }
   for (size_t j = 0; j < names_.size(); ++j) {
     const auto [lower, upper] = std::minmax(start_[j], goal_[j]);
-    const double at = feedback.positions[j];
+    const double at = positions[j];
     const double astray = std::max(lower - at, at - upper);
     if (astray <= kAstray * limits_.tolerance) continue;
     return absl::AbortedError(absl::StrFormat(
         "the robot leaves its way: '%s' is at %.4f, and its way is from %.4f to %.4f", names_[j],
         at, start_[j], goal_[j]));
   }
-  if (GreatestDeviation(progress_, feedback.positions).deviation > limits_.tolerance / 2) {
+  if (GreatestDeviation(progress_, positions).deviation > limits_.tolerance / 2) {
     last_progress_ = now;
-    progress_ = feedback.positions;
+    progress_ = positions;
   }
-  newest_ = feedback.positions;
-  stillness_.Add(now, feedback.positions);
-  arrived_ = !feedback.moving.value_or(false) && stillness_.still() &&
-             GreatestDeviation(goal_, feedback.positions).deviation <= limits_.tolerance;
+  newest_ = positions;
+  stillness_.Add(now, positions);
+  // Who does not set off may have been there, a full turn away.
+  const bool stays = now - last_progress_ > limits_.patience / 2;
+  const double off =
+      GreatestDeviation(goal_, positions, stays ? limits_.continuous : std::vector<bool>())
+          .deviation;
+  arrived_ = !feedback.moving.value_or(false) && stillness_.still() && off <= limits_.tolerance;
   return absl::OkStatus();
 }
 
 std::string MotionWatch::WhereItIs() const {
-  const JointDeviation off = GreatestDeviation(goal_, newest_);
+  const JointDeviation off = GreatestDeviation(goal_, newest_, limits_.continuous);
   if (off.deviation <= limits_.tolerance) return "it is there, but does not come to rest";
   return absl::StrFormat("'%s' is %.4f from where it should be", names_[off.joint], off.deviation);
 }

@@ -4,7 +4,6 @@
 
 #include <deque>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -37,6 +36,9 @@ struct MotionLimits {
   absl::Duration patience = absl::Seconds(5);
   // Longest time without a message.
   absl::Duration silence = absl::Seconds(1);
+  // By the place of each joint: whether it turns without end, so that reported
+  // values may differ by full turns. Joints beyond its end are not continuous.
+  std::vector<bool> continuous = {};
 };
 
 // Throws std::invalid_argument, naming it, if one is not above 0.
@@ -48,8 +50,9 @@ class Stillness {
   // How long positions must not change before the robot counts as standing.
   static constexpr absl::Duration kMoment = absl::Milliseconds(80);
 
-  // `tolerance`: a change below its half is none.
-  explicit Stillness(double tolerance) : change_(tolerance / 2) {}
+  // A change below half of the tolerance is none.
+  explicit Stillness(const MotionLimits& limits)
+      : change_(limits.tolerance / 2), continuous_(limits.continuous) {}
 
   void Add(absl::Duration when, const std::vector<double>& positions);
   // Whether they have not changed for kMoment; false as long as that is not known.
@@ -65,17 +68,20 @@ class Stillness {
   double Change() const;
 
   double change_;
+  std::vector<bool> continuous_;
   std::deque<Sample> samples_;
 };
 
-// One way of a robot. Not thread-safe.
+// One way of a robot, straight from the values of its start to those of its goal. Not thread-safe.
 class MotionWatch {
  public:
-  // `names` of the joints, for messages. All of one size; sent at `begin`.
+  // `names` of the joints, for messages. `start`: as reported. `held`: the goal before, if the
+  // robot has stayed there: continuous joints start in its turn. All of one size; sent at `begin`.
   MotionWatch(std::vector<std::string> names, std::vector<double> start, std::vector<double> goal,
-              const MotionLimits& limits, absl::Duration begin);
+              const MotionLimits& limits, absl::Duration begin,
+              const std::optional<std::vector<double>>& held = std::nullopt);
 
-  // How long the way should take if the joints move at joint_speed.
+  // How long the way should take if the joints move at joint_speed, also from what was reported.
   absl::Duration duration() const { return duration_; }
 
   // A message came. Aborted: the robot must be stopped, for the reason that the status says: a
@@ -97,16 +103,9 @@ class MotionWatch {
   absl::Duration duration_;
   Stillness stillness_;
   std::vector<double> progress_;  // where it was at last_progress_
-  std::vector<double> newest_;
+  std::vector<double> newest_;    // of continuous joints over as many turns as they made
   absl::Duration last_progress_;
   bool arrived_ = false;
 };
-
-// The joint that deviates most.
-struct JointDeviation {
-  size_t joint = 0;
-  double deviation = 0;  // infinite if one is not a number
-};
-JointDeviation GreatestDeviation(std::span<const double> from, std::span<const double> to);
 
 }  // namespace silhouette

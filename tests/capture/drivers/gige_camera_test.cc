@@ -280,6 +280,35 @@ TEST_F(GigeCamera, SettingsThatItDoesNotTakeAreToldWithItsBounds) {
   EXPECT_TRUE(OpenStatus(source).ok());
 }
 
+TEST_F(GigeCamera, RegionIsThatOfTheCellWhateverItWasBefore) {
+  struct Region {
+    gint x = 0, y = 0, width = 0, height = 0;
+    bool operator==(const Region&) const = default;
+  };
+  const auto open = [] { return arv_camera_new("127.0.0.1", nullptr); };
+  for (const Region wanted : {Region{0, 0, 80, 60}, Region{40, 30, 80, 60}}) {
+    for (const Region before : {Region{40, 30, 80, 60}, Region{0, 30, 80, 60},
+                                Region{40, 30, 20, 20}, Region{0, 0, kWidth, kHeight}}) {
+      ArvCamera* camera = open();
+      ASSERT_NE(camera, nullptr);
+      arv_camera_set_region(camera, before.x, before.y, before.width, before.height, nullptr);
+      g_object_unref(camera);
+      GenicamSource source;
+      source.address = "127.0.0.1";
+      source.offset_x = wanted.x;
+      source.offset_y = wanted.y;
+      const absl::Status status = OpenStatus(source, wanted.width, wanted.height);
+      EXPECT_TRUE(status.ok()) << status;
+      camera = open();
+      ASSERT_NE(camera, nullptr);
+      Region after;
+      arv_camera_get_region(camera, &after.x, &after.y, &after.width, &after.height, nullptr);
+      g_object_unref(camera);
+      EXPECT_EQ(after, wanted) << after.x << ", " << after.y;
+    }
+  }
+}
+
 TEST_F(GigeCamera, ThatAnotherProgramControlsIsTold) {
   const auto first = OpenGenicamCamera("top", kWidth, kHeight, WithSerial("top"));
   ASSERT_TRUE(first.ok()) << first.status();

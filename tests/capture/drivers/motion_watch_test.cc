@@ -1,12 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is believed of a robot on its way, with a clock of the test's own.
+// What is believed of a robot on its way, with a clock of the test's own; and of a robot that
+// states its angles from -pi to pi.
 #include "capture/drivers/robots/motion_watch.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <functional>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <span>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "capture/devices/joint_deviation.h"
+#include "capture/drivers/robots/feedback_robot.h"
+#include "tests/capture/drivers/robot_places.h"
 
 namespace silhouette {
 namespace {
@@ -121,6 +136,192 @@ TEST_F(MotionWatchTest, FaultsAndNonsenseStop) {
               HasSubstr("emergency stop"));
   EXPECT_TRUE(absl::IsAborted(watch_.Tell(now_, {.positions = {0}})));
   EXPECT_TRUE(absl::IsAborted(watch_.Tell(now_, At(0, std::nan("")))));
+}
+
+constexpr double kPi = std::numbers::pi;
+
+// As a controller that states angles from -pi to pi.
+double Wrapped(double angle) { return std::remainder(angle, 2 * kPi); }
+
+TEST(JointDeviation, FullTurnsDoNotCountOnContinuousJointsOnly) {
+  const std::vector<double> from = {-kPi, -kPi};
+  const std::vector<double> to = {kPi + 0.1, -kPi + 0.2};
+  EXPECT_EQ(GreatestDeviation(from, to, {true, false}).joint, 1u);
+  EXPECT_NEAR(GreatestDeviation(from, to, {true}).deviation, 0.2, 1e-12);
+  EXPECT_NEAR(GreatestDeviation(from, to, {false, true}).deviation, 2 * kPi + 0.1, 1e-12);
+  EXPECT_EQ(GreatestDeviation(from, to).joint, 0u);
+  EXPECT_EQ(GreatestDeviation(from, std::vector<double>{-kPi, std::nan("")}, {true, true}).joint,
+            1u);
+  EXPECT_EQ(GreatestDeviation(from, std::vector<double>{INFINITY, 0}, {true}).deviation, INFINITY);
+}
+
+// A robot whose first joint, and no other, is continuous, on its way from `start` to `goal` of
+// that joint.
+class ContinuousJointTest : public testing::Test {
+ protected:
+  // What becomes of a robot whose joints are at `at` of the time.
+  absl::Status Follow(double start, double goal,
+                      const std::function<RobotFeedback(double seconds)>& at) {
+    const MotionLimits limits{.joint_speed = 0.5, .tolerance = 0.002, .continuous = {true, false}};
+    MotionWatch watch({"turn", "lift"}, {start, 0}, {goal, 0}, limits, absl::ZeroDuration());
+    for (absl::Duration now; now < absl::Seconds(30); now += kPeriod) {
+      absl::Status status = watch.Tell(now, at(absl::ToDoubleSeconds(now)));
+      if (status.ok()) status = watch.CheckTime(now);
+      if (!status.ok() || watch.arrived()) return status;
+    }
+    return absl::UnknownError("it is still on its way");
+  }
+};
+
+TEST_F(ContinuousJointTest, RobotThatReportsItsGoalATurnAwayHasArrived) {
+  const auto back = [](double s) { return At(Wrapped(std::max(-3 - s / 2, -kPi - 1e-9)), 0); };
+  EXPECT_EQ(Follow(-3, -kPi, back), absl::OkStatus());
+}
+
+TEST_F(ContinuousJointTest, RobotThatStaysAtItsGoalATurnAwayHasArrived) {
+  EXPECT_EQ(Follow(kPi, -kPi, [](double) { return At(kPi, 0); }), absl::OkStatus());
+}
+
+TEST_F(ContinuousJointTest, RobotThatSetsOffLateForItsGoalATurnAwayHasNotArrivedBefore) {
+  double at = kPi;
+  const auto late = [&](double s) {
+    at = std::max(kPi - std::max(s - 1, 0.0) / 2, -kPi);
+    return At(at, 0);
+  };
+  EXPECT_EQ(Follow(kPi, -kPi, late), absl::OkStatus());
+  EXPECT_NEAR(at, -kPi, 0.002);
+}
+
+TEST_F(ContinuousJointTest, RobotThatTakesTheShortWayWhereTheValuesSayTheLongOneIsStopped) {
+  const auto shortest = [](double s) { return At(Wrapped(std::min(3 + s / 2, 2 * kPi - 3)), 0); };
+  EXPECT_THAT(Follow(3, -3, shortest).message(), HasSubstr("leaves its way: 'turn'"));
+  const auto as_the_values_say = [](double s) { return At(std::max(3 - s / 2, -3.0), 0); };
+  EXPECT_EQ(Follow(3, -3, as_the_values_say), absl::OkStatus());
+}
+
+TEST_F(ContinuousJointTest, RobotHasTimeForTheWayFromWhatItReports) {
+  const MotionLimits limits{.joint_speed = 0.5, .continuous = {true}};
+  const MotionWatch watch({"turn"}, {kPi}, {-3}, limits, absl::ZeroDuration(),
+                          std::vector<double>{-kPi});
+  EXPECT_GT(watch.duration(), absl::Seconds(12));
+}
+
+TEST_F(ContinuousJointTest, RobotThatTurnsBackFromItsWayIsStopped) {
+  const auto both = [](double s) { return At(s < 1 ? 3 - s / 2 : 2.5 + (s - 1) / 2, 0); };
+  const absl::Status status = Follow(3, -3, both);
+  EXPECT_TRUE(absl::IsAborted(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr("leaves its way: 'turn'"));
+  const auto away = [](double s) { return At(-s / 2, 0); };
+  EXPECT_THAT(Follow(0, 1, away).message(), HasSubstr("leaves its way: 'turn'"));
+}
+
+TEST_F(ContinuousJointTest, TurnsOfOtherJointsCount) {
+  const auto lifted = [](double) { return At(0, 2 * kPi); };
+  EXPECT_TRUE(absl::IsAborted(Follow(0, 0, lifted)));
+}
+
+// A robot that is where it is sent at once. It reports angles from -pi to pi.
+class WrappingLink : public ControllerLink {
+ public:
+  struct Controller {
+    std::mutex mutex;
+    std::vector<double> positions = {0, 0};
+    int stops = 0;
+  };
+
+  explicit WrappingLink(Controller& controller) : controller_(controller) {}
+  ~WrappingLink() override {
+    ending_ = true;
+    if (thread_.joinable()) thread_.join();
+  }
+
+  const std::vector<std::string>& joints() const override { return joints_; }
+  void Start(Observer observer) override {
+    thread_ = std::thread([this, observer = std::move(observer)] {
+      for (; !ending_; absl::SleepFor(absl::Milliseconds(5))) {
+        RobotFeedback feedback;
+        {
+          const std::lock_guard lock(controller_.mutex);
+          for (const double at : controller_.positions) {
+            feedback.positions.push_back(Wrapped(at));
+          }
+        }
+        observer.feedback(feedback);
+      }
+    });
+  }
+  absl::Status Move(std::span<const double> goal, absl::Duration /*duration*/) override {
+    const std::lock_guard lock(controller_.mutex);
+    controller_.positions.assign(goal.begin(), goal.end());
+    return absl::OkStatus();
+  }
+  absl::Status Stop() override {
+    const std::lock_guard lock(controller_.mutex);
+    ++controller_.stops;
+    return absl::OkStatus();
+  }
+
+ private:
+  Controller& controller_;
+  const std::vector<std::string> joints_ = {"turn", "lift"};
+  std::atomic<bool> ending_ = false;
+  std::thread thread_;
+};
+
+class WrappingRobotTest : public testing::Test {
+ protected:
+  void Place(double turn, double lift) {
+    const std::lock_guard lock(controller_.mutex);
+    controller_.positions = {turn, lift};
+  }
+  int stops() {
+    const std::lock_guard lock(controller_.mutex);
+    return controller_.stops;
+  }
+  // The first joint is continuous; fast enough for a robot that jumps.
+  std::unique_ptr<FeedbackRobot> Connect() {
+    return std::make_unique<FeedbackRobot>(
+        std::make_unique<WrappingLink>(controller_),
+        MotionLimits{
+            .joint_speed = 100, .silence = absl::Seconds(20), .continuous = {true, false}});
+  }
+
+  WrappingLink::Controller controller_;
+};
+
+TEST_F(WrappingRobotTest, RobotThatTremblesWhereItsAnglesWrapStandsStill) {
+  const auto robot = Connect();
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{-kPi, 0}), absl::OkStatus());
+  for (int i = 0; i < 40; ++i) {
+    Place(-kPi + (i % 2 == 0 ? 1e-4 : -1e-4), 0);
+    absl::SleepFor(absl::Milliseconds(5));
+    const absl::StatusOr<RobotState> state = robot->State();
+    ASSERT_TRUE(state.ok()) << state.status();
+    EXPECT_FALSE(state->moving);
+  }
+  EXPECT_EQ(robot->MoveTo(std::vector<double>{-3, 0}), absl::OkStatus());
+  EXPECT_EQ(stops(), 0);
+  Place(-2.9, 0);
+  EXPECT_TRUE(Eventually([&] { return stops() > 0; })) << "it leaves its place";
+}
+
+TEST_F(WrappingRobotTest, PositionThatIsNotANumberIsUnavailableAndNamesItsJoint) {
+  const auto robot = Connect();
+  for (const double wrong : {std::nan(""), static_cast<double>(INFINITY)}) {
+    Place(0, wrong);
+    ASSERT_TRUE(Eventually([&] { return !robot->State().ok(); }));
+    for (const absl::Status& status :
+         {robot->State().status(), robot->MoveTo(std::vector<double>{0, 0})}) {
+      EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+      EXPECT_THAT(status.message(), HasSubstr("position of 'lift' that is not a number"));
+    }
+    Place(0, 0);
+    EXPECT_TRUE(Eventually([&] { return robot->State().ok(); })) << "it is not given up";
+  }
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
+  Place(1, std::nan(""));
+  ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "nobody knows whether it stands still";
+  EXPECT_THAT(robot->State().status().message(), HasSubstr("'lift' that is not a number"));
 }
 
 TEST(MotionLimits, LimitsThatAreNoneAreRefused) {

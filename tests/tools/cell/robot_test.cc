@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 
+#include <cstdio>
 #include <regex>
 #include <variant>
+#include <vector>
 
 #include "tests/calib/robot/urdf_files.h"
 #include "tests/folders.h"
 #include "tests/test_folder.h"
 #include "tests/tools/cell/cell_file.h"
+#include "tools/cell/devices/open_devices.h"
 
 namespace silhouette {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Pair;
 
 // kBareCell with a driver.
 std::string Driven(const std::string& driver) {
@@ -247,6 +252,31 @@ TEST(Cell, MaxMoveCountsJointsThatMimic) {
   EXPECT_LE(cell->grid_move, 0.05);
   EXPECT_TRUE(cell->joint_slides.at("left"));
   EXPECT_FALSE(cell->joint_slides.at("joint1"));
+}
+
+// A robot without a URDF that an operator moves.
+constexpr char kRail[] =
+    "name: x\nrobot:\n  driver: manual\n  joints:\n    - {name: rail, lower: 0, upper: 1 m}\n"
+    "    - {name: turn, lower: 0, upper: 90 deg}\n  fixed: {lift: 20 cm, tilt: 0.5}\n"
+    "grid: {steps: {rail: 3, turn: 3}}\nviews: [{name: top}]\n";
+
+TEST(Cell, JointsWithoutAModelSlideIfTheirValuesAreLengths) {
+  const absl::StatusOr<Cell> cell = Load(kRail);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  EXPECT_THAT(cell->joint_slides, ElementsAre(Pair("lift", true), Pair("rail", true)));
+  EXPECT_THAT(Load(kBareCell)->joint_slides, IsEmpty());
+}
+
+TEST(Cell, OperatorReadsMillimetresOfAJointThatSlidesAlsoWithoutAModel) {
+  const absl::StatusOr<Cell> cell = Load(kRail);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const auto robot = OpenRobot(*cell, nullptr);
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  ASSERT_NE(std::freopen("/dev/null", "r", stdin), nullptr) << "nobody answers";
+  testing::internal::CaptureStderr();
+  EXPECT_FALSE((*robot)->MoveTo(std::vector<double>{1, 0.5, 0.2, 0.5}).ok());
+  EXPECT_THAT(testing::internal::GetCapturedStderr(),
+              HasSubstr("rail 1000.00 mm, turn 28.65 deg, lift 200.00 mm, tilt 28.65 deg"));
 }
 
 TEST(Cell, JointsThatTheModelLacksOrThatAreNotNamedAreTold) {

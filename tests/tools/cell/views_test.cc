@@ -62,6 +62,12 @@ TEST(Cell, CamerasOfABusAreReadWithTheirTrigger) {
   EXPECT_EQ(camera.serial, "abc");
   EXPECT_EQ(camera.trigger, CameraTrigger::kSoftware);
   EXPECT_FALSE(camera.colour);
+  EXPECT_EQ(camera.offset_x, 0);
+  cell = Load(WithSource("{gige: {serial: abc, offset: [320, 120]}}"));
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  camera = std::get<GenicamSource>(cell->views[0].source);
+  EXPECT_EQ(camera.offset_x, 320);
+  EXPECT_EQ(camera.offset_y, 120);
   cell = Load(WithSource("{usb3: {serial: 7, trigger: hardware, line: Line3, latency: 40 ms}}"));
   ASSERT_TRUE(cell.ok()) << cell.status();
   camera = std::get<GenicamSource>(cell->views[0].source);

@@ -18,33 +18,50 @@
 namespace silhouette {
 namespace {
 
-MotionLimits LimitsOf(const Cell& cell, absl::Duration silence) {
-  return {.joint_speed = cell.capture.joint_speed,
-          .tolerance = cell.capture.joint_tolerance,
-          .patience = cell.capture.arrival_timeout,
-          .silence = silence};
+bool IsContinuous(const Cell& cell, const std::string& name) {
+  return std::ranges::any_of(cell.grid.joints(), [&](const GridJoint& joint) {
+    return joint.continuous && joint.name == name;
+  });
+}
+
+// `joints`: of the robot, in its order.
+MotionLimits LimitsOf(const Cell& cell, const std::vector<std::string>& joints,
+                      absl::Duration silence) {
+  MotionLimits limits{.joint_speed = cell.capture.joint_speed,
+                      .tolerance = cell.capture.joint_tolerance,
+                      .patience = cell.capture.arrival_timeout,
+                      .silence = silence};
+  for (const std::string& name : joints) {
+    limits.continuous.push_back(IsContinuous(cell, name));
+  }
+  return limits;
 }
 
 template <typename Link>
-absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link,
-                                                       const MotionLimits& limits) {
+absl::StatusOr<std::unique_ptr<Robot>> FeedbackRobotOf(absl::StatusOr<Link> link, const Cell& cell,
+                                                       absl::Duration silence) {
   if (!link.ok()) {
     return absl::Status(link.status().code(), absl::StrCat("the robot: ", link.status().message()));
   }
+  const MotionLimits limits = LimitsOf(cell, (*link)->joints(), silence);
   return std::make_unique<FeedbackRobot>(*std::move(link), limits);
 }
 
 // The joints of a robot that an operator moves: those of its model, else those in the file.
-absl::StatusOr<std::vector<ManualJoint>> ManualJointsOf(const Cell& cell) {
+std::vector<ManualJoint> ManualJointsOf(const Cell& cell) {
   std::vector<ManualJoint> joints;
+  const auto add = [&](const std::string& name) {
+    const auto slides = cell.joint_slides.find(name);
+    joints.push_back({.name = name,
+                      .prismatic = slides != cell.joint_slides.end() && slides->second,
+                      .continuous = IsContinuous(cell, name)});
+  };
   if (cell.robot.model == nullptr) {
-    for (const GridJoint& joint : cell.grid.joints()) joints.push_back({.name = joint.name});
-    for (const FixedJoint& joint : cell.fixed_joints) joints.push_back({.name = joint.name});
+    for (const GridJoint& joint : cell.grid.joints()) add(joint.name);
+    for (const FixedJoint& joint : cell.fixed_joints) add(joint.name);
     return joints;
   }
-  for (const RobotJoint& joint : cell.robot.model->joints()) {
-    joints.push_back({.name = joint.name, .prismatic = joint.type == JointType::kPrismatic});
-  }
+  for (const RobotJoint& joint : cell.robot.model->joints()) add(joint.name);
   return joints;
 }
 
@@ -64,13 +81,13 @@ struct Opener {
     return std::make_unique<SimulatedRobot>(simulation);
   }
   Result operator()(const SimpleMessageSettings& settings) const {
-    return FeedbackRobotOf(SimpleMessageLink::Connect(settings), LimitsOf(cell, settings.timeout));
+    return FeedbackRobotOf(SimpleMessageLink::Connect(settings), cell, settings.timeout);
   }
   Result operator()(const GrpcRobotSettings& settings) const {
-    return FeedbackRobotOf(ConnectGrpcRobot(settings), LimitsOf(cell, settings.timeout));
+    return FeedbackRobotOf(ConnectGrpcRobot(settings), cell, settings.timeout);
   }
   Result operator()(const ManualRobotSettings& settings) const {
-    ASSIGN_OR_RETURN(std::vector<ManualJoint> joints, ManualJointsOf(cell));
+    std::vector<ManualJoint> joints = ManualJointsOf(cell);
     if (std::holds_alternative<std::monostate>(settings.read)) {
       return std::make_unique<ManualRobot>(
           std::move(joints), OperatorAtTerminal(),
