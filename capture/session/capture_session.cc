@@ -114,6 +114,10 @@ class CaptureRun {
   absl::Status Put(const RobotImage& image, const std::vector<std::string>& raw_images);
   // Stores what the first look has let wait, unless it finds it wrong. Once.
   absl::Status EndFirstLook();
+  // Drops what waits, as the first look found `fault`. Stops the robot.
+  absl::Status Refuse(const std::string& fault);
+  // Says so if images were still waiting for the first look.
+  void TellDropped() const;
   // Tells the robot to stop; returns `why`.
   absl::Status StopRobot(const absl::Status& why);
 
@@ -166,6 +170,7 @@ CaptureReport CaptureRun::Go() {
   const absl::Duration begin = RunningNow();
   report_.status = Exclude();
   if (report_.status.ok()) report_.status = CaptureAll();
+  TellDropped();
   const absl::Status committed = writer_.Commit();
   if (report_.status.ok()) report_.status = committed;
   // Exclusions are written first.
@@ -431,7 +436,7 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
     if (fault.empty() && parts_.expected) {
       fault = first_look_->Compare(number, image.masks, parts_.expected->Touched(image.measured));
     }
-    if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
+    if (!fault.empty()) return Refuse(fault);
   }
   waiting_.push_back({std::move(image), std::move(raw_images)});
   return first_look_->complete() ? EndFirstLook() : absl::OkStatus();
@@ -440,12 +445,27 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
 absl::Status CaptureRun::EndFirstLook() {
   if (!first_look_) return absl::OkStatus();
   const std::string fault = first_look_->Judge();
-  if (!fault.empty()) return StopRobot(absl::FailedPreconditionError(fault));
+  if (!fault.empty()) return Refuse(fault);
   first_look_.reset();
   for (Waiting& waiting : std::exchange(waiting_, {})) {
     RETURN_IF_ERROR(Put(waiting.image, waiting.raw_images));
   }
   return absl::OkStatus();
+}
+
+absl::Status CaptureRun::Refuse(const std::string& fault) {
+  waiting_.clear();
+  return StopRobot(absl::FailedPreconditionError(fault));
+}
+
+// One image shows neither whether the robot moves nor whether it stands in the reference images,
+// and a session that finds images in the database does not look: they must not be stored unjudged.
+void CaptureRun::TellDropped() const {
+  if (waiting_.empty()) return;
+  observer_.say(absl::StrCat("the session ended before its first look at ",
+                             parts_.settings.first_look.configurations,
+                             " configurations was over: the ", waiting_.size(),
+                             " captured until then are not stored; the next session looks again"));
 }
 
 absl::Status CaptureRun::Put(const RobotImage& image, const std::vector<std::string>& raw_images) {

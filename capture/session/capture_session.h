@@ -37,7 +37,9 @@ class CaptureSession {
                                                std::optional<DrawnRobot> expected = {});
 
   // Captures what `plan` says. Whatever happens, what was captured until then is stored: the report
-  // says how much, and a new plan resumes there. `program` goes into the provenance log.
+  // says how much, and a new plan resumes there. The images of the first look are not until it is
+  // over: a session that ends before stores none, and says so; the next one looks again. `program`
+  // goes into the provenance log.
   //
   // For each configuration: move (around forbidden regions), settle, measure, take a set of images,
   // measure again, difference, store. If all robot images that there are are to be replaced, they

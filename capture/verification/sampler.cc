@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "capture/verification/hull_distance.h"
+#include "db/mask/interpolation.h"
 
 namespace silhouette {
 namespace {
@@ -223,7 +224,7 @@ bool ModelSampler::Keeps(const Gap& gap, std::span<const double> from, std::span
   for (size_t j = 0; j < from.size(); ++j) closes += gap.levers[j] * std::abs(to[j] - from[j]);
   Configuration q(from.size());
   for (double share = 0;;) {
-    for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], share);
+    Interpolate(from, to, share, q);
     Place(q);
     const double width = Width(gap, gap.kept + kFar);
     if (width < gap.kept) return false;

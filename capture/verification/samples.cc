@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/time/time.h"
 #include "db/status/status_macros.h"
+#include "db/store/suspects.h"
 
 namespace silhouette {
 namespace {
@@ -79,12 +80,26 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
                                                    uint64_t seed) {
   ASSIGN_OR_RETURN(const CapturedPlaces places, PlacesIn(captured, cell));
   ASSIGN_OR_RETURN(const Snapshot snapshot, captured.Read());
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+  const SuspectSpans suspects(history);
   std::vector<ConfigurationNumber> numbers;
+  size_t suspect = 0;
   RETURN_IF_ERROR(
       snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-        if (image.ok() && !image->excluded && !image->measured.empty()) numbers.push_back(number);
+        if (!image.ok() || image->excluded || image->measured.empty()) return true;
+        if (suspects.Contain(image->captured)) {
+          ++suspect;
+        } else {
+          numbers.push_back(number);
+        }
         return true;
       }));
+  if (numbers.empty() && suspect > 0) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "all ", suspect, " robot images of the captured database '", captured.path(),
+        "' are suspect: the cell may have changed; capture them again with: silhouette-capture run "
+        "--only suspect"));
+  }
   if (numbers.empty()) {
     return absl::FailedPreconditionError(
         absl::StrCat("the captured database '", captured.path(),

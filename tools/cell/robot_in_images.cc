@@ -11,6 +11,7 @@
 #include "absl/strings/str_join.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/status/status_macros.h"
+#include "db/store/suspects.h"
 #include "server/collision/policy.h"
 #include "server/collision/voxel_space.h"
 #include "tools/cell/expected_robot.h"
@@ -22,10 +23,12 @@ namespace {
 // small may be within it. Shadows, cables and parts are foreground, too.
 constexpr double kLeastCovered = 0.2;
 
-// Captured configurations all over the grid, with their joint values.
+// Captured configurations all over the grid, with their joint values; none that is suspect.
 absl::StatusOr<std::vector<RobotImage>> SomeImages(const Snapshot& snapshot, uint64_t size) {
   constexpr uint64_t kConfigurations = 8;
   constexpr uint64_t kTries = 100;  // from each place on
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+  const SuspectSpans suspects(history);
   std::vector<RobotImage> images;
   for (uint64_t i = 0; i < kConfigurations; ++i) {
     const uint64_t first = size / kConfigurations * i;
@@ -34,6 +37,7 @@ absl::StatusOr<std::vector<RobotImage>> SomeImages(const Snapshot& snapshot, uin
       if (absl::IsDataLoss(image.status())) continue;  // the server reports it
       RETURN_IF_ERROR(image.status());
       if (!*image || (*image)->excluded || (*image)->measured.empty()) continue;
+      if (suspects.Contain((*image)->captured)) continue;
       images.push_back(**std::move(image));
       break;
     }

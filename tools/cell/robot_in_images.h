@@ -17,7 +17,7 @@ namespace silhouette {
 // A sentence with the mend on the views in whose captured robot images the robot is elsewhere: by
 // the joint values of a few configurations, and first_look: least_overlap of the cell. Empty, too,
 // where nothing is known: without the robot's model, camera models or captured images with their
-// joint values. Errors of the database.
+// joint values that are not suspect. Errors of the database.
 absl::StatusOr<std::string> MisplacedViews(const Cell& cell, const Database& database);
 
 // A sentence with the mend on the views that do not hold all that joints move of the robot, at more

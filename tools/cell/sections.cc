@@ -203,7 +203,12 @@ SentinelSettings ReadSentinels(const YamlNode& node) {
 FirstLookSettings ReadFirstLook(const YamlNode& node) {
   YamlMap map(node);
   FirstLookSettings look;
+  constexpr int kMost = 10;
   look.configurations = AtLeast(map, "configurations", look.configurations, 0);
+  if (look.configurations > kMost) {
+    map.Required("configurations")
+        .Fail("at most 10 is expected: a session that ends before it has seen them stores none");
+  }
   map.Read("least_area", look.least_area, &YamlNode::AsShare);
   map.Read("least_overlap", look.least_overlap, &YamlNode::AsShare);
   look.may_be_cut = map.Get<bool>("may_be_cut", look.may_be_cut);

@@ -16,6 +16,7 @@ namespace {
 
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 using testing::SizeIs;
 
 // The fake robot stays clear of the images' borders: it is cut only where `lift` is 0.
@@ -144,6 +145,48 @@ TEST_F(FirstLookTest, RobotThatIsNotWhereItsModelSaysEndsTheSession) {
   ExpectRefused("shows the robot in the wrong place");
   cell_.expected.reset();
   EXPECT_TRUE(cell_.Capture().complete());
+}
+
+TEST_F(FirstLookTest, SessionThatEndsBeforeItIsOverStoresNothingSaysSoAndTheNextLooksAgain) {
+  cell_.TakeReferences();
+  for (const bool device_fails : {false, true}) {
+    uint64_t done = 0;
+    std::string said;
+    CaptureObserver observer;
+    observer.progress = [&](uint64_t now) { done = now; };
+    observer.say = [&](const std::string& line) { said += line + "\n"; };
+    if (device_fails) {
+      cell_.robot.on_move = [&](size_t) {
+        return done < 2 ? absl::OkStatus() : absl::InternalError("a fuse blew");
+      };
+    } else {
+      observer.stop_requested = [&] { return done >= 2; };
+    }
+    const CaptureReport report = cell_.Capture({}, observer);
+    EXPECT_EQ(report.stopped, !device_fails);
+    EXPECT_EQ(report.captured, 0u);
+    EXPECT_THAT(cell_.Content(), IsEmpty());
+    EXPECT_THAT(said, HasSubstr("the 2 captured until then are not stored"));
+    cell_.robot.on_move = nullptr;
+    cell_.robot.moves.clear();
+  }
+  cell_.settings.first_look.may_be_cut = false;
+  ExpectRefused("the border of the image cuts the robot in ");
+}
+
+TEST_F(FirstLookTest, RefusedImagesAreNotSaidToBeDroppedByAnEndThatCameTooSoon) {
+  cell_.TakeReferences();
+  std::string said;
+  CaptureObserver observer;
+  observer.say = [&](const std::string& line) { said += line + "\n"; };
+  size_t visits = 0;
+  cell_.rig.on_grab = [&](size_t, std::vector<CameraImage>&) {
+    cell_.rig.robot_present = ++visits < 2;
+    return absl::OkStatus();
+  };
+  EXPECT_EQ(cell_.Capture({}, observer).status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(cell_.Content(), IsEmpty());
+  EXPECT_THAT(said, Not(HasSubstr("the session ended before")));
 }
 
 TEST_F(FirstLookTest, ResumedSessionIsNotLookedAtAgain) {

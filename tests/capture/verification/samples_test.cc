@@ -11,6 +11,7 @@
 namespace silhouette {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 // A captured cell of one moving joint, one fixed joint and two views.
@@ -102,6 +103,49 @@ TEST_F(SamplesTest, OfAnotherCellAreRefusedByName) {
   cell = CapturedCell();
   cell.mutable_views(1)->set_mask_width(16);
   EXPECT_THAT(refusal(), HasSubstr("of the view 'left'"));
+}
+
+TEST_F(SamplesTest, WhoseImagesAreSuspectAreLeftOut) {
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(102);
+  span.mutable_until()->set_seconds(103);
+  {
+    auto writer = *database->Write("test");
+    for (int i = 0; i < 3; ++i) {
+      RobotImage image = **database->Read()->Find(database->grid().NumberOf({i}));
+      image.captured = absl::FromUnixSeconds(102 + i);
+      EXPECT_TRUE(writer.Put(image, /*replace=*/true).ok());
+    }
+    EXPECT_TRUE(writer.Commit().ok());
+  }
+  ASSERT_TRUE(database->SetCaptureHistory(history).ok());
+  const auto samples = SamplesIn(*database, cell, 100, 0.005, 1);
+  ASSERT_TRUE(samples.ok()) << samples.status();
+  EXPECT_EQ(samples->size(), 6u);
+  for (const ModelSample& sample : *samples) EXPECT_NE(sample.q[0], 1.01);
+}
+
+TEST(Samples, OfADatabaseWhoseImagesAreAllSuspectAreRefusedWithTheMend) {
+  const auto database = *Database::Create(FreshFolder() / "db", CapturedCell());
+  auto writer = *database->Write("test");
+  RobotImage image;
+  image.number = database->grid().NumberOf({4});
+  image.masks = {OnePixel(4, 0), OnePixel(4, 1)};
+  image.commanded = image.measured = {4, 0.1};
+  image.captured = absl::FromUnixSeconds(150);
+  EXPECT_TRUE(writer.Put(image).ok());
+  EXPECT_TRUE(writer.Commit().ok());
+  EXPECT_EQ(SamplesIn(*database, CapturedCell(), 10, 0.005, 1)->size(), 1u);
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(100);
+  span.mutable_until()->set_seconds(200);
+  EXPECT_TRUE(database->SetCaptureHistory(history).ok());
+  const auto samples = SamplesIn(*database, CapturedCell(), 10, 0.005, 1);
+  EXPECT_EQ(samples.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(samples.status().message()),
+              AllOf(HasSubstr("all 1 robot images"), HasSubstr("--only suspect")));
 }
 
 TEST(Samples, OfADatabaseWithoutCapturedImagesAreNone) {

@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "calib/camera/calibration.h"
+#include "calib/files/calibration_message.h"
 #include "calib/robot/drawn_cell.h"
 #include "tests/tools/cell/cell_file.h"
+#include "tools/cell/expected_robot.h"
 
 namespace silhouette {
 namespace {
@@ -87,6 +89,45 @@ TEST(PartialViews, ForbiddenJointValuesAndAStatedMinViewsCount) {
   EXPECT_EQ(PartialViewsOf({6.4, 5, 0.3},
                            "capture: {forbidden_regions: [{name: r, joints: {s: [-0.3, 1]}}]}\n"),
             "");
+}
+
+TEST(MisplacedViews, SuspectImagesDoNotCount) {
+  std::string text = SlidingCell("grid: {steps: {s: 16}}\n");
+  text.erase(text.find("images: drawn, "), std::string("images: drawn, ").size());
+  const auto cell = Load(text);
+  ASSERT_TRUE(cell.ok()) << cell.status();
+  const auto database = *Database::Create(FreshFolder() / "db", DescriptionOf(*cell));
+  Eigen::Isometry3d near = Eigen::Isometry3d::Identity();
+  near.translation().z() = 1;
+  const CameraModel camera({.width = 64, .height = 48, .fx = 40, .fy = 40, .cx = 31.5, .cy = 23.5},
+                           near);
+  storage::v1::Calibration calibration;
+  for (size_t view = 0; view < cell->views.size(); ++view) {
+    *calibration.add_cameras() = MessageOf(camera);
+  }
+  ASSERT_TRUE(database->SetCalibration(calibration, "test").ok());
+  const auto robot = ExpectedRobotOf(*cell, *database, database->mask_sizes(), "");
+  ASSERT_TRUE(robot.ok() && *robot);
+  // Those of even numbers, each the first of an eighth of the grid, show the box on the other side.
+  auto writer = *database->Write("test");
+  for (ConfigurationNumber number = 0; number < cell->grid.size(); ++number) {
+    const double at = cell->grid.At(number)[0];
+    const bool suspect = number % 2 == 0;
+    RobotImage image;
+    image.number = number;
+    image.masks = (*robot)->Touched(std::vector<double>{suspect ? -at : at});
+    image.commanded = image.measured = {at};
+    image.captured = absl::FromUnixSeconds(suspect ? 150 : 250);
+    EXPECT_TRUE(writer.Put(image).ok());
+  }
+  EXPECT_TRUE(writer.Commit().ok());
+  EXPECT_THAT(*MisplacedViews(*cell, *database), HasSubstr("views 'a', 'b', 'c': the robot"));
+  storage::v1::CaptureHistory history;
+  storage::v1::SuspectSpan& span = *history.add_suspects();
+  span.mutable_after()->set_seconds(100);
+  span.mutable_until()->set_seconds(200);
+  ASSERT_TRUE(database->SetCaptureHistory(history).ok());
+  EXPECT_EQ(*MisplacedViews(*cell, *database), "");
 }
 
 }  // namespace

@@ -35,6 +35,14 @@ TEST(Cell, FirstRobotImagesAreLookedAtUnlessTheFileSaysOtherwise) {
               HasSubstr("a number from 0 to 1 is expected"));
 }
 
+TEST(Cell, FirstLookAtMoreConfigurationsThanASessionMayLoseIsRefused) {
+  const auto with = [](const std::string& count) {
+    return kBareCell + ("capture: {first_look: {configurations: " + count + "}}\n");
+  };
+  EXPECT_TRUE(Load(with("10")).ok());
+  EXPECT_THAT(MessageOf(with("11")), HasSubstr("configurations: at most 10 is expected"));
+}
+
 TEST(Cell, LimitsOfAVerificationAreThoseOfTheFile) {
   const std::string bare = kBareCell;
   const auto with = [&](const std::string& keys) {
