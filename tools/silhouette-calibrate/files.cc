@@ -106,14 +106,41 @@ CLI::Validator SizeInPixels() {
       "");
 }
 
+std::vector<size_t> JointsTo(const RobotModel& robot, size_t link) {
+  std::vector<size_t> joints;
+  for (int i = static_cast<int>(link); i >= 0; i = robot.links()[static_cast<size_t>(i)].parent) {
+    const int joint = robot.links()[static_cast<size_t>(i)].joint;
+    if (joint < 0 || std::ranges::count(joints, static_cast<size_t>(joint)) > 0) continue;
+    joints.insert(joints.begin(), static_cast<size_t>(joint));
+  }
+  return joints;
+}
+
 absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name) {
   std::vector<std::string> names;
   for (size_t i = 0; i < robot.links().size(); ++i) {
     names.push_back(robot.links()[i].name);
     if (names.back() == (name.empty() ? "flange" : name)) return i;
   }
-  if (name.empty()) return robot.links().size() - 1;
-  return InvalidArgument("the robot has no link '", name, "'; it has ", ListOfWords(names));
+  if (!name.empty()) {
+    return InvalidArgument("the robot has no link '", name, "'; it has ", ListOfWords(names));
+  }
+  size_t flange = 0;
+  size_t most = 0;
+  for (size_t i = 0; i < robot.links().size(); ++i) {
+    const size_t joints = JointsTo(robot, i).size();
+    if (joints >= most) flange = i;
+    most = std::max(most, joints);
+  }
+  return flange;
+}
+
+std::string GuessedFlangeLink(const RobotModel& robot, const std::string& name) {
+  const absl::StatusOr<size_t> flange = FlangeLink(robot, name);
+  if (!name.empty() || !flange.ok() || robot.links()[*flange].name == "flange") return "";
+  return absl::StrCat("no link is named 'flange': the link '", robot.links()[*flange].name,
+                      "', which most joints move, is taken for it; if it is another, name it "
+                      "(--flange-link)");
 }
 
 std::string ViewOfCameraFile(const std::string& path) {

@@ -61,8 +61,14 @@ absl::StatusOr<std::string> WriteCameraFile(const std::string& folder, const std
                                             const CameraModel& camera,
                                             const std::optional<LensRegion>& known = std::nullopt);
 
-// The link that carries a board or camera: `name`; if empty, the link `flange`, else the last one.
+// The joints that move the link, from the base outward.
+std::vector<size_t> JointsTo(const RobotModel& robot, size_t link);
+
+// The link that carries a board or camera: `name`; if empty, the link `flange`, else the one that
+// most joints move, of several the last. InvalidArgument: there is no link `name`.
 absl::StatusOr<size_t> FlangeLink(const RobotModel& robot, const std::string& name);
+// A sentence that names the link, if FlangeLink took it by its joints; else empty.
+std::string GuessedFlangeLink(const RobotModel& robot, const std::string& name);
 
 // The robot's joint values as a CSV file: a column `frame`, and one per joint by its name.
 //

@@ -123,7 +123,9 @@ absl::StatusOr<CellAndRobot> LoadRobot(const PoseSources& sources) {
   return loaded;
 }
 
-absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources) {
+// Adds to `warnings` what it guesses.
+absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources,
+                                                     std::vector<std::string>& warnings) {
   ASSIGN_OR_RETURN(const CellAndRobot loaded, LoadRobot(sources));
   if (!loaded.robot) {
     return InvalidArgument(
@@ -132,6 +134,8 @@ absl::StatusOr<std::vector<RobotPose>> PosesOfJoints(const PoseSources& sources)
   JointFileSettings settings{
       .fixed_joints{}, .unit = sources.joint_unit, .flange_link = sources.flange_link};
   if (loaded.cell) settings.fixed_joints = loaded.cell->fixed_joints;
+  const std::string guess = GuessedFlangeLink(*loaded.robot, sources.flange_link);
+  if (!guess.empty()) warnings.push_back(guess);
   ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(sources.joints));
   return RobotPosesOfJoints(text, sources.joints, *loaded.robot, settings);
 }
@@ -142,8 +146,10 @@ absl::StatusOr<PoseNotation> NotationOf(const PoseSources& sources) {
   return InvalidArgument(notation.status().message(), " (--pose-notation, --pose-units)");
 }
 
-absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources) {
-  if (!sources.joints.empty()) return PosesOfJoints(sources);
+// Adds to `warnings` what it guesses.
+absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources,
+                                                      std::vector<std::string>& warnings) {
+  if (!sources.joints.empty()) return PosesOfJoints(sources, warnings);
   if (sources.robot_poses.empty()) return std::vector<RobotPose>();
   ASSIGN_OR_RETURN(const PoseNotation notation, NotationOf(sources));
   if (std::filesystem::is_regular_file(sources.robot_poses)) {
@@ -162,7 +168,7 @@ absl::StatusOr<std::vector<RobotPose>> ReadRobotPoses(const PoseSources& sources
 
 // Reads them, and names them as the problem's frames.
 absl::Status TakeRobotPoses(const PoseSources& sources, PoseProblem& problem) {
-  ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources));
+  ASSIGN_OR_RETURN(problem.robot_poses, ReadRobotPoses(sources, problem.warnings));
   ASSIGN_OR_RETURN(const std::string guessed,
                    NamePosesByFrames(problem.sightings, problem.robot_poses));
   if (!guessed.empty()) problem.warnings.push_back(guessed);
@@ -301,7 +307,8 @@ void AddPoseSources(CLI::App& command, PoseSources& s) {
       ->excludes("--cell");
   command
       .add_option("--flange-link", s.flange_link,
-                  "The link that carries the board or camera; default: 'flange', else the last")
+                  "The link that carries the board or camera; default: 'flange', else the one that "
+                  "most joints move")
       ->needs(joints);
   command.add_option("--robot-sigma", s.robot_sigma,
                      "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");

@@ -77,17 +77,6 @@ absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
                          ListOfWords(names));
 }
 
-// The joints in front of the link, from the base outward.
-std::vector<size_t> JointsTo(const RobotModel& robot, size_t link) {
-  std::vector<size_t> joints;
-  for (int i = static_cast<int>(link); i >= 0; i = robot.links()[static_cast<size_t>(i)].parent) {
-    const int joint = robot.links()[static_cast<size_t>(i)].joint;
-    if (joint < 0 || std::ranges::count(joints, static_cast<size_t>(joint)) > 0) continue;
-    joints.insert(joints.begin(), static_cast<size_t>(joint));
-  }
-  return joints;
-}
-
 PosePlan::Positions RestOf(const Cell& cell, const RobotModel& robot) {
   PosePlan::Positions rest;
   for (const RobotJoint& joint : robot.joints()) {
@@ -374,6 +363,9 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   const RobotModel& robot = *cell.robot.model;
   ASSIGN_OR_RETURN(auto settings, SettingsOf(arguments, cell, robot));
   arguments.flange_board = settings.flange_board;
+  if (const auto guess = GuessedFlangeLink(robot, arguments.flange_link); !guess.empty()) {
+    std::cerr << "silhouette-calibrate: " << guess << std::endl;
+  }
   RETURN_IF_ERROR(MakeFolder(settings.folder));
   ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot, settings.flange));
   if (!arguments.resume && !record.frames.empty()) {
@@ -412,8 +404,9 @@ void AddOptions(CLI::App& command, RunArguments& a) {
   command.add_option("--out", a.out, "Folder for images, data and results")->required();
   command.add_option("--flange-board", a.flange_board,
                      "The board on the flange; default: 'flange', or the only one");
-  command.add_option("--flange-link", a.flange_link,
-                     "The link that carries it; default: 'flange', else the last");
+  command.add_option(
+      "--flange-link", a.flange_link,
+      "The link that carries it; default: 'flange', else the one that most joints move");
   command.add_option("--cameras", a.cameras,
                      "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
                      "they are found from the boards");

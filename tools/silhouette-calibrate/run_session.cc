@@ -69,8 +69,8 @@ constexpr size_t kMostBeforeFirst = 20;
 // Longest delay until the robot receives a stop.
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
-// What is in the way from one pose to another: a forbidden region of the cell, or the floor.
-// Nothing: the way is free.
+// What is in the way from one pose to another: a forbidden region of the cell, or the floor, which
+// links that no joint moves may be below. Nothing: the way is free.
 std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
                                     const SessionSettings& settings,
                                     const PosePlan::Positions& from,
@@ -94,9 +94,11 @@ std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
   }
   const std::vector<Eigen::Isometry3d> links = robot.LinkPoses(to);
   for (size_t i = 0; i < links.size(); ++i) {
-    if (robot.links()[i].parent < 0) continue;
+    if (JointsTo(robot, i).empty()) continue;
     const double below = links[i].translation().z() - (i == settings.flange ? reach : 0);
-    if (below < settings.floor) return "the floor";
+    if (below < settings.floor) {
+      return absl::StrFormat("the floor at %g m (--floor)", settings.floor);
+    }
   }
   return std::nullopt;
 }
@@ -287,13 +289,19 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
         return FailedPrecondition("pose ", next + 1, " of the list: ", *obstacle, " is in the way");
       }
     } else {
+      std::map<std::string, int> refusals;  // by what is in the way
       goal = plan.Next([&](const PosePlan::Positions& to) {
-        return !InTheWay(cell, robot, settings, here, to);
+        const auto obstacle = InTheWay(cell, robot, settings, here, to);
+        if (obstacle) ++refusals[*obstacle];
+        return !obstacle;
       });
       if (!goal) {
+        const auto most = std::ranges::max_element(
+            refusals, {}, [](const auto& refusal) { return refusal.second; });
         return FailedPrecondition(
-            "there is no pose that the robot may be driven to; give its joints more room "
-            "(--joint), or the poses (--poses)");
+            "there is no pose that the robot may be driven to: most often ",
+            refusals.empty() ? "something" : most->first,
+            " is in the way; change that, or give other joint ranges (--joint) or poses (--poses)");
       }
     }
     ++next;

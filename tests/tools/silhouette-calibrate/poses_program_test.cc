@@ -187,6 +187,30 @@ TEST_F(CalibratePosesProgram, TakesJointValuesWithTheRobotsModel) {
   EXPECT_FALSE(fs::exists(folder_ / "cameras2"));
 }
 
+TEST_F(CalibratePosesProgram, WithoutALinkFlangeTheOneThatMostJointsMoveIsTakenAndNamed) {
+  PoseRig rig(4);
+  rig.AddFlangeBoard();
+  Write("joints.csv", JointText(rig, 1));
+  WriteRig(rig);
+  // The table comes last.
+  Write("robot.urdf",
+        absl::StrReplaceAll(ContentOf(kUrdf), {{"\"flange\"", "\"hand\""},
+                                               {"</robot>",
+                                                "<link name='table'/><joint name='z' type='fixed'>"
+                                                "<parent link='base'/><child link='table'/>"
+                                                "</joint></robot>"}}));
+  const Ended outcome = Run(absl::StrCat(
+      kFiles, "--joints joints.csv --urdf robot.urdf --flange-board flange --out cameras"));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_THAT(outcome.out + outcome.err,
+              HasSubstr("the link 'tool', which most joints move, is taken for it"));
+  EXPECT_LT(
+      PoseError(Camera("cameras/camera0.cameramodel").camera_from_world(), rig.camera_poses[0])
+          .tail<3>()
+          .norm(),
+      2e-3);
+}
+
 TEST_F(CalibratePosesProgram, ALensThatIsNotKnownWhereTheRobotWorksIsRefused) {
   PoseRig rig(4, 2);
   rig.AddFlangeBoard();

@@ -136,6 +136,13 @@ views: [{name: left, source: sim, image_size: [480, 360], mask_size: [64, 64]}]
 capture: {settle: 0}
 )");
   }
+  // The robot of WriteCell with a changed URDF.
+  void ChangeRobot(const std::vector<std::pair<std::string, std::string>>& changes) {
+    const fs::path urdf = folder_ / "robot.urdf";
+    WriteFile(urdf, absl::StrReplaceAll(ContentOf(kRobot), changes));
+    WriteFile(folder_ / "cell.yaml",
+              absl::StrReplaceAll(ContentOf(folder_ / "cell.yaml"), {{kRobot, urdf.string()}}));
+  }
   // The board on the robot is as WriteCell has it, but described in another way.
   void DescribeBoard(const std::string& gap_and_first_id) {
     WriteFile(folder_ / "mounted.yaml", ContentOf(folder_ / "boards.yaml"));
@@ -238,6 +245,36 @@ TEST_F(CalibrateRunWithoutLenses, ABoardThatNoCameraSeesIsToldSoon) {
   EXPECT_THAT(err(), HasSubstr("the board 'flange' was seen in 0 of 20 poses only"));
 }
 
+TEST_F(CalibrateRunWithoutLenses, LinksThatNoJointMovesMayBeBelowTheFloor) {
+  WriteCell("");
+  ChangeRobot({{"</robot>",
+                "<link name='pedestal'/><joint name='foot' type='fixed'><parent link='base'/>"
+                "<child link='pedestal'/><origin xyz='0 0 -0.7'/></joint></robot>"}});
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 3")), 1) << err();
+  EXPECT_THAT(ContentOf(fs::path(session()) / "joints.csv"), HasSubstr("\n0003,")) << err();
+}
+
+TEST_F(CalibrateRunWithoutLenses, WithoutALinkFlangeTheOneThatMostJointsMoveIsTakenAndNamed) {
+  WriteCell("");
+  ChangeRobot({{"\"flange\"", "\"hand\""},
+               {"\"tool\"", "\"nozzle\""},
+               {"</robot>",
+                "<link name='table'/><joint name='z_table' type='fixed'><parent link='base'/>"
+                "<child link='table'/></joint></robot>"}});
+  WriteFile(folder_ / "simulation.yaml", absl::StrReplaceAll(ContentOf(folder_ / "simulation.yaml"),
+                                                             {{"link: flange", "link: hand"}}));
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 3")), 1) << err();
+  EXPECT_THAT(err(), HasSubstr("the link 'nozzle', which most joints move, is taken"));
+  const std::string poses = ContentOf(fs::path(session()) / "robot_poses.csv");
+  const auto pose_of = [&](const std::string& frame) {
+    const size_t begin = poses.find(frame) + frame.size();
+    return poses.substr(begin, poses.find('\n', begin) - begin);
+  };
+  EXPECT_NE(pose_of("\n0001,"), pose_of("\n0002,")) << "the link moves";
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 3 --resume --flange-link hand")), 1);
+  EXPECT_THAT(err(), Not(HasSubstr("is taken for it")));
+}
+
 TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
   WriteCell("joint_speed: 0.01\n");  // minutes to the first pose
   // The folder is made before the robot sets off.
@@ -252,13 +289,16 @@ TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
                         "same command and --resume"));
 }
 
+TEST_F(CalibrateRun, FloorThatLeavesNoPoseIsNamedWithItsOption) {
+  EXPECT_EQ(RunSession("--floor 3"), 2);
+  EXPECT_THAT(err(), HasSubstr("most often the floor at 3 m (--floor) is in the way"));
+}
+
 TEST_F(CalibrateRun, MistakesAreTold) {
   EXPECT_EQ(RunSession("--flange-board door"), 2);
   EXPECT_THAT(err(), HasSubstr("'flange' and 'hand'"));
   EXPECT_EQ(RunSession("--joint elbow=0:1"), 2);
   EXPECT_THAT(err(), HasSubstr("no joint 'elbow'"));
-  EXPECT_EQ(RunSession("--floor 3"), 2);
-  EXPECT_THAT(err(), HasSubstr("no pose that the robot may be driven to"));
   WriteFile(folder_ / "poses.csv",
             "joint_1,joint_2,joint_3,joint_4,joint_5,joint_6\n9,0,0,0,0,0\n");
   EXPECT_EQ(RunSession("--poses " + (folder_ / "poses.csv").string()), 2);
