@@ -398,8 +398,11 @@ absl::StatusOr<std::string> CalibrationDoubtOf(const Cell& cell, const Database&
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
-                                                                   const std::string& path,
                                                                    bool unverified) {
+  const std::string& path = cell.database;
+  if (path.empty()) {
+    return InvalidArgument("'", cell.file, "' names no database; use --database DIR");
+  }
   const auto opened = Database::Open(path, Database::Access::kRead);
   if (absl::IsNotFound(opened.status())) {
     return absl::NotFoundError(
@@ -463,6 +466,12 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   return absl::FailedPreconditionError(absl::StrCat("the cell file '", cell.file,
                                                     "' asks for what the database '", path,
                                                     "' cannot serve: ", servable.message()));
+}
+
+absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
+  const absl::Status& known = database.margins_known();
+  if (known.ok()) return known;
+  return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
 }
 
 }  // namespace silhouette

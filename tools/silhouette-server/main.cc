@@ -1,18 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-server: serves a cell's database and its scenes to planners.
-#include <poll.h>
-#include <pthread.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <systemd/sd-daemon.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
 #include <cstdlib>
 #include <iostream>
 #include <memory>
@@ -21,7 +17,6 @@
 #include <stdexcept>
 #include <stop_token>
 #include <string>
-#include <string_view>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -51,14 +46,15 @@
 #include "tools/cell/live_config.h"
 #include "tools/program/program.h"
 #include "tools/silhouette-server/cell_database.h"
+#include "tools/silhouette-server/reloader.h"
+#include "tools/silhouette-server/signals.h"
 
 namespace silhouette {
 namespace {
 
 constexpr char kName[] = "silhouette-server";
-// How long calls in flight may take when the server is stopped, and the whole program.
+// How long calls in flight may take when the server is stopped; less than Signals::kLongestEnd.
 constexpr absl::Duration kGrace = absl::Milliseconds(700);
-constexpr std::chrono::milliseconds kLongestEnd{1900};
 // How often the server looks whether its database is to be loaded again.
 constexpr std::chrono::seconds kBetweenLooks{1};
 
@@ -79,128 +75,6 @@ struct Options {
   std::string obstacles;  // in the simulated cell; empty: none
 };
 
-// The program's signals, taken by a thread of its own: none waits until other work is done. After
-// SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it with exit code
-// 3, whatever hangs: a device, a disk, the log. A second signal ends it at once, as the first one
-// does while the database is loaded. Thread-safe.
-class Signals {
- public:
-  // Before any thread is started, so that all leave the signals to this. To be kept until the
-  // program ends.
-  Signals() {
-    sigemptyset(&awaited_);
-    for (int signal : {SIGTERM, SIGINT, SIGHUP}) sigaddset(&awaited_, signal);
-    pthread_sigmask(SIG_BLOCK, &awaited_, nullptr);
-    std::thread([this] { Take(); }).detach();
-  }
-
-  // From now on something must be ended.
-  void Loaded() {
-    const std::lock_guard lock(mutex_);
-    loading_ = false;
-  }
-
-  enum class Wish { kNone, kReload, kEnd };
-
-  // Waits for `time` at most. kReload: SIGHUP came, once or more often.
-  Wish Wait(std::chrono::seconds time) {
-    std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, time, [this] { return ending_ || reloading_; });
-    if (ending_) return Wish::kEnd;
-    return std::exchange(reloading_, false) ? Wish::kReload : Wish::kNone;
-  }
-
- private:
-  [[noreturn]] void Take() {
-    int signal = SIGHUP;
-    while (signal == SIGHUP) {
-      if (sigwait(&awaited_, &signal) != 0) continue;
-      const std::lock_guard lock(mutex_);
-      if (signal != SIGHUP && loading_) std::_Exit(0);
-      (signal == SIGHUP ? reloading_ : ending_) = true;
-      changed_.notify_all();
-    }
-    sigdelset(&awaited_, SIGHUP);
-    pthread_sigmask(SIG_UNBLOCK, &awaited_, nullptr);
-    std::this_thread::sleep_for(kLongestEnd);
-    // Not through the log, which may be what hangs.
-    constexpr std::string_view kSaid = "silhouette-server: ended while something hangs\n";
-    pollfd errors{.fd = STDERR_FILENO, .events = POLLOUT, .revents = 0};
-    if (poll(&errors, 1, /*timeout=*/0) == 1) {
-      [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kSaid.data(), kSaid.size());
-    }
-    std::_Exit(kWorldFailed);
-  }
-
-  sigset_t awaited_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  bool loading_ = true;
-  bool reloading_ = false;
-  bool ending_ = false;
-};
-
-absl::Status MarginsKnown(const Cell& cell, const ServedDatabase& database) {
-  const absl::Status& known = database.margins_known();
-  if (known.ok()) return known;
-  return absl::Status(known.code(), absl::StrCat(cell.file, ": ", known.message()));
-}
-
-// The database of the cell, with all that verdicts need.
-absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& cell,
-                                                                   bool unverified) {
-  if (cell.database.empty()) {
-    return InvalidArgument("'", cell.file, "' names no database; use --database DIR");
-  }
-  ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, cell.database, unverified));
-  RETURN_IF_ERROR(MarginsKnown(cell, *database));
-  return database;
-}
-
-// New connections use changed certificates anyway; here the log says whether they can.
-void ReportCertificates(const Cell& cell) {
-  if (!cell.server.gate.tls) return;
-  const absl::StatusOr<TlsTexts> texts = ReadTls(*cell.server.gate.tls);
-  if (texts.ok()) {
-    spdlog::info("certificate '{}' is valid until {}", cell.server.gate.tls->certificate,
-                 absl::FormatTime(texts->valid_until));
-  } else {
-    spdlog::error("certificates not renewed, still using the former ones: {}",
-                  std::string(texts.status().message()));
-  }
-}
-
-// Only the database, the calibration, and the files that the cell file names are read again.
-// `text`: what it was at the start.
-void ReportChangedCell(const std::string& file, const std::string& text) {
-  const absl::StatusOr<std::string> now = ReadWholeFile(file);
-  if (now.ok() && *now == text) return;
-  spdlog::warn("'{}' has changed, and its former settings still hold: restart the server", file);
-}
-
-void ReportNotReloaded(const Server& server, absl::string_view why) {
-  const bool damaged = server.database()->damage().found();
-  spdlog::error("not reloaded, {}: {}",
-                damaged ? "and nothing is free" : "still serving the old state", std::string(why));
-}
-
-void Reload(const Cell& cell, const std::string& path, bool unverified, Server& server) {
-  try {
-    absl::StatusOr<std::shared_ptr<const ServedDatabase>> database =
-        LoadDatabase(cell, path, unverified);
-    if (database.ok()) {
-      const absl::Status known = MarginsKnown(cell, **database);
-      server.ReplaceDatabase(*std::move(database));
-      spdlog::info("reloaded; verdicts are unknown until the next scene");
-      if (!known.ok()) spdlog::error("nothing is free: {}", std::string(known.message()));
-      return;
-    }
-    ReportNotReloaded(server, database.status().message());
-  } catch (const std::exception& error) {
-    ReportNotReloaded(server, error.what());
-  }
-}
-
 // Tells systemd's watchdog, if there is one (WatchdogSec, sd_watchdog_enabled(3)), that scenes are
 // still taken.
 void ShowLife(const std::stop_token& stop, Server& server) {
@@ -214,36 +88,6 @@ void ShowLife(const std::stop_token& stop, Server& server) {
     server.RunWhereScenesAreTaken([] { sd_notify(0, "WATCHDOG=1"); });
   }
 }
-
-// Looks whether a capture session changed which robot images are suspect. Nothing is free then,
-// until the database is loaded again.
-class SuspectWatch {
- public:
-  // Whether the database is to be loaded again: at once, and now and again while that fails.
-  bool LoadAgain(const ServedDatabase& database) {
-    if (database.damage().found()) {
-      return database.damage().what() == kChanged && ++looks_ % kLooksBetweenLoads == 0;
-    }
-    const absl::StatusOr<bool> changed = database.SuspectsChanged();
-    if (std::string now(changed.status().message()); now != fault_) {
-      fault_ = std::move(now);
-      if (!fault_.empty()) spdlog::error("suspect robot images are not noticed: {}", fault_);
-    }
-    if (changed.ok() ? !*changed : !absl::IsDataLoss(changed.status())) return false;
-    spdlog::warn("nothing is free: {}", kChanged);
-    database.damage().Note(kChanged);
-    looks_ = 0;
-    return true;
-  }
-
- private:
-  static constexpr char kChanged[] =
-      "a capture session changed which robot images are suspect; loading the database again";
-  static constexpr int kLooksBetweenLoads = 10;
-
-  int looks_ = 0;  // since the database was loaded in vain
-  std::string fault_;
-};
 
 std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
   std::vector<std::string> views;
@@ -351,6 +195,7 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
     cell.choose_preset = false;
   }
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
+  RETURN_IF_ERROR(MarginsKnown(cell, *database));
   signals.Loaded();
   ServingSettings settings;
   settings.policy = cell.policy;
@@ -372,7 +217,7 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
 
 absl::Status Serve(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
-  ASSIGN_OR_RETURN(const std::string cell_text, ReadWholeFile(options.cell));
+  ASSIGN_OR_RETURN(std::string cell_text, ReadWholeFile(options.cell));
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
   cell.server.gate.insecure = options.insecure;
@@ -384,8 +229,8 @@ absl::Status Serve(const Options& options, Signals& signals) {
   if (options.live) {
     ASSIGN_OR_RETURN(devices, LiveDevicesOf(cell, options.obstacles));
   }
-  const std::string& path = cell.database;
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
+  RETURN_IF_ERROR(MarginsKnown(cell, *database));
   signals.Loaded();
 
   ServingSettings settings;
@@ -441,14 +286,12 @@ absl::Status Serve(const Options& options, Signals& signals) {
   sd_notify(0, "READY=1");
   {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
-    SuspectWatch suspects;
+    Reloader reloader(cell, std::move(cell_text), options.unverified, *server);
     for (Signals::Wish wish{}; wish != Signals::Wish::kEnd; wish = signals.Wait(kBetweenLooks)) {
       if (wish == Signals::Wish::kReload) {
-        ReportCertificates(cell);
-        ReportChangedCell(options.cell, cell_text);
-      }
-      if (wish == Signals::Wish::kReload || suspects.LoadAgain(*server->database())) {
-        Reload(cell, path, options.unverified, *server);
+        reloader.Reload();
+      } else {
+        reloader.ReloadIfSuspectsChanged();
       }
     }
   }
