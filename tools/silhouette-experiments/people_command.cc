@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-experiments people
 #include <spdlog/spdlog.h>
+#include <xxhash.h>
 
+#include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/program/progress.h"
@@ -100,6 +105,19 @@ absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study&
   return std::vector<EpisodeResult>{{0, method, std::move(counts)}};
 }
 
+// Study::basis.
+absl::StatusOr<std::string> BasisOf(const SimulatedWorkplace& workplace,
+                                    const PeopleArguments& arguments, uint64_t generation) {
+  const Cell& cell = workplace.cell();
+  ASSIGN_OR_RETURN(std::string files, ReadWholeFile(cell.file));
+  ASSIGN_OR_RETURN(const std::string simulation, ReadWholeFile(cell.simulation));
+  files += simulation;
+  return absl::StrFormat("%s %s %d, least obstacle %.17g m, cell files %016x", cell.name,
+                         arguments.images, generation,
+                         cell.sound ? cell.sound->least_obstacle : arguments.least_obstacle,
+                         XXH3_64bits(files.data(), files.size()));
+}
+
 absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   CatchStopSignals();
   spdlog::set_level(spdlog::level::err);  // not what the acquisition warns of in each episode
@@ -109,12 +127,12 @@ absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   ASSIGN_OR_RETURN(const auto database, ServePeople(workplace, arguments));
   ASSIGN_OR_RETURN(const auto methods, MethodsOf(arguments.methods, *database));
   ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database));
+  ASSIGN_OR_RETURN(const std::string basis, BasisOf(workplace, arguments, database->generation()));
   Study study{.episode = arguments.episode,
               .episodes = arguments.episodes,
               .methods = methods,
               .file = arguments.out.empty() ? "" : absl::StrCat(arguments.out, "/episodes.jsonl"),
-              .basis = absl::StrCat(workplace.cell().name, " ", arguments.images, " ",
-                                    database->generation())};
+              .basis = basis};
   study.episode.rendered = arguments.masks == "rendered";
   Progress progress("people", methods.size() * static_cast<size_t>(arguments.episodes),
                     "episodes of a method");

@@ -16,15 +16,15 @@ namespace {
 class PeopleProgram : public testing::Test {
  protected:
   // The exit code of two seconds; output goes to the files o and e. Coarse voxels take no time.
-  int Run(const std::string& more) const {
+  int Run(const std::string& more, double least_obstacle = 0.5) const {
     const std::string line = absl::StrCat(
         "'", ProgramFolder(), "/silhouette-experiments' people --cell '", files_.cell(),
-        "' --database '", files_.database(), "' --seconds 2 --least-obstacle 0.5 --format json ",
-        more, " >'", files_ / "o", "' 2>'", files_ / "e", "'");
+        "' --database '", files_.database(), "' --seconds 2 --format json --least-obstacle ",
+        least_obstacle, " ", more, " >'", files_ / "o", "' 2>'", files_ / "e", "'");
     return WEXITSTATUS(std::system(line.c_str()));
   }
 
-  const ProgramCell files_;
+  ProgramCell files_;
 };
 
 TEST_F(PeopleProgram, FilmsARenderedEpisode) {
@@ -35,6 +35,21 @@ TEST_F(PeopleProgram, FilmsARenderedEpisode) {
   const auto method = nlohmann::json::parse(ReadText(files_ / "o"))["methods"][0];
   EXPECT_EQ(method["scenes"], 20);
   EXPECT_EQ(method["unusable_scenes"], 0);
+}
+
+TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleAndCellFile) {
+  const std::string study =
+      absl::StrCat("--images drawn --episodes 1 --methods light_curtain --out '", files_ / "", "'");
+  const auto expect_refused = [&](double least_obstacle) {
+    EXPECT_EQ(Run(study, least_obstacle), 2);
+    EXPECT_NE(ReadText(files_ / "e").find("results of other settings"), std::string::npos)
+        << ReadText(files_ / "e");
+  };
+  ASSERT_EQ(Run(study), 0) << ReadText(files_ / "e");
+  EXPECT_EQ(Run(study), 0) << ReadText(files_ / "e");
+  expect_refused(0.6);
+  files_.WriteCell({{"capture:\n", "sound: {least_obstacle: 0.5, whole_model: true}\ncapture:\n"}});
+  expect_refused(0.5);
 }
 
 TEST_F(PeopleProgram, SaysWhatAVideoNeeds) {

@@ -173,9 +173,10 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
     const Margin own = settings.margin ? Margin{.pixels = *settings.margin} : view.margin;
     treatments.views.push_back({.margin = own, .ignored = std::nullopt});
   }
-  ASSIGN_OR_RETURN(const auto workspace, WorkspaceOf(cell_));
-  treatments.workspace = workspace;
   Cell cell = cell_;
+  cell.robot.drawn = settings.drawn;
+  ASSIGN_OR_RETURN(const auto workspace, WorkspaceOf(cell));
+  treatments.workspace = workspace;
   if (settings.least_obstacle) {
     if (!cell.sound) {
       cell.sound = SoundSettings();
@@ -186,13 +187,9 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
   }
   if (settings.separation) cell.separation = settings.separation;
   ASSIGN_OR_RETURN(const auto sound, SoundCellOf(cell));
-  LoadSettings load{.calibration = settings.calibration};
-  if (settings.drawn) {
-    load.drawn = DrawnCell{.robot = std::make_shared<const RobotModel>(robot()),
-                           .parts = *settings.drawn,
-                           .payload_radius = cell.robot.payload_radius,
-                           .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
-  }
+  LoadSettings load{.fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance,
+                    .calibration = settings.calibration};
+  ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   return ServedDatabase::Load(database, cell_.calibration, treatments, sound, load);
 }
 

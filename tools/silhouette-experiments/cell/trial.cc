@@ -10,6 +10,7 @@
 #include "db/status/status_macros.h"
 #include "server/collision/collision_checker.h"
 #include "server/collision/verdict.h"
+#include "server/scene/checker.h"
 #include "server/scene/make_scene.h"
 
 namespace silhouette::cell_experiment {
@@ -101,22 +102,16 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
 
 std::vector<std::unique_ptr<CollisionChecker>> CheckersOf(const TrialSetting& setting,
                                                           const ViewedScene& viewed) {
-  TestSupport support{.bands = setting.database.bands()};
-  const bool sound = std::any_of(setting.policies.begin(), setting.policies.end(),
-                                 [](const Policy& policy) { return IsSound(policy.preset); });
-  if (sound) {
-    const Scene& scene = viewed.scene;
-    support.possible_space =
-        &scene.possible_space.Get(setting.database.sound(), scene.obstacle_images, scene.joints, {},
-                                  MaxOccludedViews({}, setting.database.views()));
-    support.robot_may_touch = setting.database.sound()->RobotMayTouch(scene.joints);
-    support.robot_may_meet =
-        setting.database.sound()->RobotMayMeet(scene.joints, *support.possible_space);
-  }
+  // Neither is owned.
+  const std::shared_ptr<void> nobody;
+  const Served served{.database = std::shared_ptr<const ServedDatabase>(nobody, &setting.database),
+                      .scene = SharedScene(nobody, &viewed.scene),
+                      .without_scene = Reason::kNone};
   std::vector<std::unique_ptr<CollisionChecker>> policies;
   for (const Policy& policy : setting.policies) {
-    policies.push_back(std::make_unique<CollisionChecker>(
-        setting.database.robot_images(), viewed.scene.obstacle_images, policy, support));
+    policies.push_back(std::make_unique<CollisionChecker>(setting.database.robot_images(),
+                                                          viewed.scene.obstacle_images, policy,
+                                                          SupportFor(served, policy)));
   }
   return policies;
 }

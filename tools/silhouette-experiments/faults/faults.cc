@@ -19,11 +19,13 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "calib/robot/triangle_mesh.h"
+#include "capture/segmentation/deviating_pixels.h"
 #include "capture/segmentation/difference.h"
 #include "capture/segmentation/image_condition.h"
 #include "capture/sim/chance.h"
 #include "capture/sim/simulated_cell.h"
 #include "common/numbers/numbers.h"
+#include "db/mask/interpolation.h"
 #include "server/live/proof_of_life.h"
 #include "server/scene/view_check.h"
 
@@ -138,10 +140,7 @@ class WatchedCell {
     double way = 0;
     for (size_t i = 0; i < to.size(); ++i) way = std::max(way, std::abs(to[i] - from[i]));
     const double moved = kRobotSpeed * (time - static_cast<double>(turn) * kPoseTime);
-    Configuration q = to;
-    if (moved < way) {
-      for (size_t i = 0; i < q.size(); ++i) q[i] = std::lerp(from[i], to[i], moved / way);
-    }
+    const Configuration q = moved < way ? Interpolated(from, to, moved / way) : to;
     Configuration wrong = q;
     wrong[0] += kRobotError * kDegree;
     Pose pose{turn != last_turn_, workplace_.Positions(q), workplace_.Positions(wrong), {}};
@@ -397,7 +396,7 @@ class Watcher {
     for (size_t view = 0; view < images.size(); ++view) {
       const auto before = std::chrono::steady_clock::now();
       conditions[view] =
-          ConditionOf(Pixels(images[view]), foregrounds[view], cell_.outlines(), view);
+          ConditionOf(Pixels(images[view]), foregrounds[view] > kShadow, cell_.outlines(), view);
       condition_times_.push_back(Microseconds(std::chrono::steady_clock::now() - before));
       checked.push_back({.name = names_[view],
                          .condition = &conditions[view],

@@ -18,7 +18,8 @@ struct Study {
   std::vector<std::string> methods;
   // Where results are kept, a line of JSON each; empty: nowhere. It also says what they rest on.
   std::string file;
-  // What the results rest on besides: the same for the same cell and database.
+  // What the results rest on besides: the same for the same cell files, robot images and least
+  // obstacle.
   std::string basis;
 };
 

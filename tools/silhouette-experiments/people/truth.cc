@@ -8,6 +8,7 @@
 
 #include "calib/robot/drawing/motion_check.h"
 #include "calib/robot/parts.h"
+#include "db/mask/interpolation.h"
 
 namespace silhouette::people_experiment {
 namespace {
@@ -54,9 +55,9 @@ double FastestMovement(const DrawnRobot& robot, std::span<const double> from,
   std::vector<Eigen::Isometry3d> poses;
   robot.chain().Pose(from, before);
   double farthest = 0;
-  Configuration q(from.begin(), from.end());
+  Configuration q(from.size());
   for (double step = 1; step <= steps; ++step) {
-    for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], step / steps);
+    Interpolate(from, to, step / steps, q);
     robot.chain().Pose(q, poses);
     farthest = std::max(farthest, DisplacementBetween(robot, before, poses));
     before.swap(poses);

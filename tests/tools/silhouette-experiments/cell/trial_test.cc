@@ -119,6 +119,54 @@ TEST(CellTrial, ObstacleThatLooksLikeTheCellIsMissingForItsContrast) {
   EXPECT_GT(contrast, 0);
 }
 
+// A drawn robot that leaves the stated workspace, and one that the cell file forbids to be
+// somewhere.
+TEST(CellTrial, ADrawnRobotGetsTheServersVerdictsInForbiddenRegionsAndOutsideTheWorkspace) {
+  ProgramCell files;
+  files.WriteCell(
+      {{"capture:\n",
+        "workspace: {lower: [-0.4, -2, -0.5], upper: [2, 2, 2.5]}\n"
+        "sound: {least_obstacle: 0.5}\n"
+        "capture:\n"
+        "  forbidden_regions: [{name: folded, joints: {joint_3: [60 deg, 110 deg]}}]\n"}});
+  const auto workplace = SimulatedWorkplace::Load(files.cell());
+  ASSERT_TRUE(workplace.ok()) << workplace.status();
+  const auto database = workplace->OpenUncaptured(files.database());
+  ASSERT_TRUE(database.ok()) << database.status();
+  ServeSettings serve;
+  serve.drawn = PartSettings();
+  const auto served = workplace->Serve(**database, serve);
+  ASSERT_TRUE(served.ok()) << served.status();
+  const TrialSetting setting{
+      .workplace = *workplace,
+      .database = **served,
+      .policies = {{.preset = Preset::kUncalibrated}, {.preset = Preset::kSound}},
+      .off_grid_tests = 0,
+      .seed = 1};
+  RandomScene scene;
+  scene.robot = {0, 0};
+  auto viewed = View(setting, std::move(scene), 0);
+  ASSERT_TRUE(viewed.ok()) << viewed.status();
+  // Nothing is in the cell but the robot, whose shadow no drawn image has.
+  for (auto& image : viewed->scene.obstacle_images) {
+    image = ObstacleImage::FromScene(Mask(image->size()), Mask(image->size()));
+  }
+  const auto checkers = CheckersOf(setting, *viewed);
+  int outside = 0;
+  const ConfigurationGrid& grid = (*served)->grid();
+  for (ConfigurationNumber number = 0; number < grid.number_limit(); ++number) {
+    if (!grid.Contains(number)) continue;
+    const Configuration q = grid.At(number);
+    SCOPED_TRACE(testing::PrintToString(q));
+    const bool forbidden = q[1] > 1.1;
+    const Reason sound = checkers[1]->Check(q).reason();
+    EXPECT_EQ(checkers[0]->Check(q).reason(), forbidden ? Reason::kExcluded : Reason::kNone);
+    EXPECT_EQ(sound == Reason::kExcluded, forbidden);
+    outside += sound == Reason::kOutsideWorkspace ? 1 : 0;
+  }
+  EXPECT_GT(outside, 0);
+}
+
 TEST(CellTrial, SameSeedGivesTheSameScene) {
   const SmallWorkplace small;
   const Eigen::AlignedBox3d box = SweptBox(small.workplace());
