@@ -27,6 +27,7 @@ let role = "";                 // of the page: what it may change
 let source = null;             // of events: aborts them
 let connected = false;
 let refused = "";              // why the server sends no events
+let broken = "";               // what broke a drawing off
 let bound = UNBOUND;           // the server's clock was at most so much ahead of ours at a local time
 let heardAt = 0;
 let was = null;                // whether the last drawing was of something known
@@ -86,11 +87,8 @@ function schedule() {
   if (scheduled) return;
   scheduled = true;
   requestAnimationFrame(async () => {
-    try {
-      await draw();
-    } finally {
-      scheduled = false;
-    }
+    await draw();
+    scheduled = false;
     if (newest !== snapshot) schedule();
   });
 }
@@ -119,6 +117,7 @@ const sinceHeard = () => replaying ? 0 : local() - snapshot.heardAt;
 
 // What the page may say now of a snapshot: {known, status}.
 function judge(of = snapshot) {
+  if (broken) return { known: false, status: broken };
   if (replaying) return judgeRecorded();
   if (refused) return { known: false, status: refused };
   if (of === null) return { known: false, status: connected ? "Waiting" : "Connecting" };
@@ -659,20 +658,36 @@ function drawFacts(shown, known) {
   fill($("defects"), defects, () => defects.map((message) => element("li", "", message)));
 }
 
-// Ends once the images are decoded and drawn.
-async function draw() {
-  if (!replaying) snapshot = newest;
-  const { known, status } = judge();
+function drawStatus({ known, status }) {
   was = `${known} ${status}`;
   document.body.className = known ? "known" : "unknown";
   text($("status"), status);
+}
+
+// What a fault leaves half drawn is not current.
+async function guarded(work) {
+  try {
+    await work();
+  } catch (fault) {
+    broken = `This page has failed, load it again: ${fault.message}`;
+    drawStatus(judge());
+  }
+}
+
+// Ends once the images are decoded and drawn.
+const draw = () => guarded(drawAll);
+
+async function drawAll() {
+  if (!replaying) snapshot = newest;
+  const now = judge();
+  drawStatus(now);
   drawStops();
   drawHistory();
   if (snapshot === null || !snapshot.database) return;
-  drawFacts(snapshot, known);
+  drawFacts(snapshot, now.known);
   drawControls(snapshot);
-  drawMap(snapshot, known);
-  drawPaths(snapshot, known);
+  drawMap(snapshot, now.known);
+  drawPaths(snapshot, now.known);
   drawDevices(snapshot);
   drawLatency(snapshot);
   await drawViews(snapshot);
@@ -680,14 +695,15 @@ async function draw() {
 }
 
 // Time alone makes things unknown.
-if (!replaying) setInterval(() => {
+function drawAges() {
   const { known, status } = judge();
   if (`${known} ${status}` !== was) draw();
   else if (snapshot && snapshot.scene) {
     text($("age"), duration(seconds(snapshot.basis.scene_age) + since()));
     drawPaths(snapshot, known);
   }
-}, 100);
+}
+if (!replaying) setInterval(() => guarded(drawAges), 100);
 if (!replaying) document.addEventListener("visibilitychange", () => { lose(); connect(); });
 window.addEventListener("resize", draw);
 if (!replaying) regions.start();

@@ -124,9 +124,11 @@ std::string PlanTitleOf(const Findings& findings) {
   return title;
 }
 
-absl::Status PlanWritePicture(const Findings& findings, const std::string& path) {
+absl::Status PlanWritePicture(const Findings& findings,
+                              const std::vector<std::optional<bool>>& slides,
+                              const std::string& path) {
   const ConfigurationGrid& grid = findings.space.grid();
-  ASSIGN_OR_RETURN(auto chart, ChartOf(findings.space, PlanTitleOf(findings)));
+  ASSIGN_OR_RETURN(auto chart, ChartOf(findings.space, slides, PlanTitleOf(findings)));
   if (findings.truth) {
     for (int y = 0; y < chart.y.cells; ++y) {
       for (int x = 0; x < chart.x.cells; ++x) {
@@ -135,9 +137,10 @@ absl::Status PlanWritePicture(const Findings& findings, const std::string& path)
     }
     chart.outline.text = "truth: contact inside";
   }
-  chart.start = ChartPointOf(grid, findings.start);
-  chart.goal = ChartPointOf(grid, findings.goal);
-  if (findings.found()) chart.path = ChartLines(grid, findings.search.plan.waypoints);
+  const ChartedJoints charted{.grid = grid, .slides = slides};
+  chart.start = ChartPointOf(charted, findings.start);
+  chart.goal = ChartPointOf(charted, findings.goal);
+  if (findings.found()) chart.path = ChartLines(charted, findings.search.plan.waypoints);
   return WritePng(path, Draw(chart));
 }
 
@@ -230,7 +233,8 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   }
   absl::Status status;
   if (!arguments.out.empty()) status = WritePath(findings, arguments.out);
-  if (!arguments.picture.empty()) status.Update(PlanWritePicture(findings, arguments.picture));
+  if (!arguments.picture.empty())
+    status.Update(PlanWritePicture(findings, joints.Slides(), arguments.picture));
   if (!status.ok()) return status;
   PrintResult(session.format, PlanJsonOf(findings), PlanTextOf(session, joints, findings));
   return findings.found() ? kDone : kNo;

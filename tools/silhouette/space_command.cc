@@ -23,10 +23,13 @@ struct SpaceArguments {
   std::vector<double> clearance_levels;
 };
 
-absl::Status SpaceWritePicture(const client::ConfigurationSpace& space, const std::string& path) {
+absl::Status SpaceWritePicture(const Session& session, const Client& client,
+                               const client::ConfigurationSpace& space, const std::string& path) {
   const bool levels = !space.clearance_levels().empty();
-  ASSIGN_OR_RETURN(const auto chart, ChartOf(space, levels ? "Configuration space, clearance"
-                                                           : "Configuration space"));
+  TypedJoints joints(session.unit, [&] { return client.GetDatabase(); });
+  ASSIGN_OR_RETURN(const auto chart,
+                   ChartOf(space, joints.Slides(),
+                           levels ? "Configuration space, clearance" : "Configuration space"));
   return WritePng(path, Draw(chart));
 }
 
@@ -79,7 +82,9 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
   if (!space.ok()) return space.status();
   absl::Status status;
   if (!arguments.out.empty()) status.Update(WriteSpace(*space, arguments.out));
-  if (!arguments.picture.empty()) status.Update(SpaceWritePicture(*space, arguments.picture));
+  if (!arguments.picture.empty()) {
+    status.Update(SpaceWritePicture(session, client, *space, arguments.picture));
+  }
   if (!status.ok()) return status;
 
   const client::StateCounts counts = space->Count();

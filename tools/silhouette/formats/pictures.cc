@@ -14,6 +14,7 @@
 #include "common/picture/image_file.h"
 #include "common/picture/palette.h"
 #include "common/picture/sheet.h"
+#include "db/mask/interpolation.h"
 #include "db/status/status_macros.h"
 #include "silhouette/messages.h"
 
@@ -132,11 +133,22 @@ constexpr double kTurn = 2 * std::numbers::pi;
 
 double Degrees(double radians) { return radians * 180 / std::numbers::pi; }
 
-ChartAxis AxisOf(const GridJoint& joint) {
+bool InMetres(const ChartedJoints& charted, size_t joint) {
+  return joint < charted.slides.size() && charted.slides[joint].value_or(false);
+}
+
+// A value of a joint as the chart shows it.
+double Shown(const ChartedJoints& charted, size_t joint, double value) {
+  return InMetres(charted, joint) ? value : Degrees(value);
+}
+
+ChartAxis AxisOf(const ChartedJoints& charted, size_t number) {
+  const GridJoint& joint = charted.grid.joints()[number];
+  const double last = joint.continuous ? joint.upper - joint.step() : joint.upper;
   return {.label = joint.name,
-          .unit = "deg",
-          .first = Degrees(joint.lower),
-          .last = Degrees(joint.continuous ? joint.upper - joint.step() : joint.upper),
+          .unit = InMetres(charted, number) ? "m" : "deg",
+          .first = Shown(charted, number, joint.lower),
+          .last = Shown(charted, number, last),
           .cells = joint.steps};
 }
 
@@ -165,18 +177,12 @@ std::vector<double> RimCrossings(const ConfigurationGrid& grid, const Configurat
   return crossings;
 }
 
-Configuration Between(const Configuration& a, const Configuration& b, double share) {
-  Configuration q = a;
-  for (size_t j = 0; j < q.size(); ++j) q[j] += (b[j] - a[j]) * share;
-  return q;
-}
-
 // `q` in the chart, as seen from `inside`, a place of the same piece of the path.
-ChartPoint PointFrom(const ConfigurationGrid& grid, const Configuration& q,
+ChartPoint PointFrom(const ChartedJoints& charted, const Configuration& q,
                      const Configuration& inside) {
   std::array<double, 2> values{};
   for (size_t j = 0; j < values.size(); ++j) {
-    values[j] = Degrees(q[j] - TurnOf(grid.joints()[j], inside[j]) * kTurn);
+    values[j] = Shown(charted, j, q[j] - TurnOf(charted.grid.joints()[j], inside[j]) * kTurn);
   }
   return {values[0], values[1]};
 }
@@ -292,6 +298,7 @@ absl::Status WriteExplanation(const client::Explanation& explanation, const Expl
 }
 
 absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
+                                           const std::vector<std::optional<bool>>& slides,
                                            const std::string& title) {
   const ConfigurationGrid& grid = space.grid();
   if (grid.dimensions() != 2) {
@@ -301,8 +308,8 @@ absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& spa
   }
   ConfigurationChart chart;
   chart.title = title;
-  chart.x = AxisOf(grid.joints()[0]);
-  chart.y = AxisOf(grid.joints()[1]);
+  chart.x = AxisOf({grid, slides}, 0);
+  chart.y = AxisOf({grid, slides}, 1);
   const std::vector<double>& levels = space.clearance_levels();
   chart.classes = levels.empty() ? ConfigurationClasses() : ClearanceClasses(space);
   for (int y = 0; y < chart.y.cells; ++y) {
@@ -315,24 +322,24 @@ absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& spa
   return chart;
 }
 
-ChartPoint ChartPointOf(const ConfigurationGrid& grid, const Configuration& configuration) {
-  return PointFrom(grid, configuration, configuration);
+ChartPoint ChartPointOf(const ChartedJoints& charted, const Configuration& configuration) {
+  return PointFrom(charted, configuration, configuration);
 }
 
-std::vector<std::vector<ChartPoint>> ChartLines(const ConfigurationGrid& grid,
+std::vector<std::vector<ChartPoint>> ChartLines(const ChartedJoints& charted,
                                                 const std::vector<Configuration>& waypoints) {
   std::vector<std::vector<ChartPoint>> lines(1);
   for (size_t i = 0; i + 1 < waypoints.size(); ++i) {
     const Configuration& a = waypoints[i];
     const Configuration& b = waypoints[i + 1];
-    std::vector<double> shares = RimCrossings(grid, a, b);
+    std::vector<double> shares = RimCrossings(charted.grid, a, b);
     shares.insert(shares.begin(), 0);
     shares.push_back(1);
     for (size_t k = 0; k + 1 < shares.size(); ++k) {
       if (k > 0) lines.emplace_back();
-      const Configuration middle = Between(a, b, (shares[k] + shares[k + 1]) / 2);
-      lines.back().push_back(PointFrom(grid, Between(a, b, shares[k]), middle));
-      lines.back().push_back(PointFrom(grid, Between(a, b, shares[k + 1]), middle));
+      const Configuration middle = Interpolated(a, b, (shares[k] + shares[k + 1]) / 2);
+      lines.back().push_back(PointFrom(charted, Interpolated(a, b, shares[k]), middle));
+      lines.back().push_back(PointFrom(charted, Interpolated(a, b, shares[k + 1]), middle));
     }
   }
   return lines;

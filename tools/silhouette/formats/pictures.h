@@ -34,18 +34,25 @@ struct ExplanationNotes {
 absl::Status WriteExplanation(const client::Explanation& explanation, const ExplanationNotes& notes,
                               const std::string& folder);
 
+// The joints of a chart, of a grid of two.
+struct ChartedJoints {
+  const ConfigurationGrid& grid;
+  // Of each, whether it slides: then it is in metres, else, or where that is not known, in degrees.
+  const std::vector<std::optional<bool>>& slides;
+};
+
 // The configuration space of two joints as a chart (Figure 8).
-// InvalidArgument if the grid has not two joints. Axes in degrees. With clearance levels free cells
-// are shaded by the greatest that they exceed.
+// InvalidArgument if the grid has not two joints. With clearance levels free cells are shaded by
+// the greatest that they exceed. `slides`: as in ChartedJoints.
 absl::StatusOr<ConfigurationChart> ChartOf(const client::ConfigurationSpace& space,
+                                           const std::vector<std::optional<bool>>& slides,
                                            const std::string& title);
 
-// A place in the chart of this grid of two joints: continuous joints wrapped into it.
-ChartPoint ChartPointOf(const ConfigurationGrid& grid, const Configuration& configuration);
+// A place in the chart: continuous joints wrapped into it.
+ChartPoint ChartPointOf(const ChartedJoints& charted, const Configuration& configuration);
 
-// The path in the chart of this grid of two joints, in pieces where it goes over the rim of a
-// continuous joint.
-std::vector<std::vector<ChartPoint>> ChartLines(const ConfigurationGrid& grid,
+// The path in the chart, in pieces where it goes over the rim of a continuous joint.
+std::vector<std::vector<ChartPoint>> ChartLines(const ChartedJoints& charted,
                                                 const std::vector<Configuration>& waypoints);
 
 }  // namespace silhouette

@@ -211,6 +211,14 @@ TEST_F(BrowserTest, ALostConnectionSaysSo) {
   page = StartPage(test);
 }
 
+TEST_F(BrowserTest, AFaultInADrawingLeavesNothingThatServes) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  browser->Run("drawMap = () => { throw new Error('no such cell'); };");
+  EXPECT_TRUE(Shows("#status", std::string("This page has failed, load it again: no such cell")));
+  EXPECT_EQ(browser->Run("return document.body.className;"), "unknown");
+}
+
 TEST_F(BrowserTest, TheTimeThatEventsAreUnderWayCountsAsAge) {
   const Scenes scenes(test, SceneWithBlock(2));
   ASSERT_TRUE(Shows("#status", std::string("Serving")));

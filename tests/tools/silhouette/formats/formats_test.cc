@@ -295,11 +295,24 @@ TEST(SpacePicture, HasACellPerConfigurationInItsState) {
   client::ConfigurationSpaceTile tile;
   const ConfigurationNumber number = grid.NumberOf({2, 1});
   tile.occupied[number / 64] |= uint64_t{1} << (number % 64);
-  const auto chart = ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {tile}), "title");
+  const auto chart = ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {tile}), {}, "title");
   ASSERT_TRUE(chart.ok());
   EXPECT_EQ(chart->x.label, "a");
   EXPECT_NEAR(chart->x.last, 2 * 180 / kPi, 1e-9);
   EXPECT_THAT(chart->cells, ElementsAre(0, 0, 0, 0, 0, kOccupiedCell, 0, 0, 0));
+}
+
+TEST(SpacePicture, AxisOfAJointThatSlidesIsInMetres) {
+  const ConfigurationGrid grid = SmallGrid();
+  const std::vector<std::optional<bool>> slides = {true, false};
+  const auto chart = ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {}), slides, "title");
+  ASSERT_TRUE(chart.ok());
+  EXPECT_EQ(chart->x.unit, "m");
+  EXPECT_EQ(chart->x.last, 2);
+  EXPECT_EQ(chart->y.unit, "deg");
+  const ChartPoint place = ChartPointOf({.grid = grid, .slides = slides}, {0.5, kPi});
+  EXPECT_EQ(place.x, 0.5);
+  EXPECT_NEAR(place.y, 180, 1e-9);
 }
 
 TEST(SpacePicture, FreeCellsAreShadedByTheLevelThatTheyExceed) {
@@ -317,7 +330,7 @@ TEST(SpacePicture, FreeCellsAreShadedByTheLevelThatTheyExceed) {
     if (a > 2) tile.above[1][number / 64] |= bit;
   }
   const auto chart =
-      ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {tile}, 0, {1, 2.5}), "title");
+      ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {tile}, 0, {1, 2.5}), {}, "title");
   ASSERT_TRUE(chart.ok());
   EXPECT_THAT(chart->cells, ElementsAre(0, 2, 3, 4));
   std::vector<std::string> texts;
@@ -362,7 +375,7 @@ TEST(ExplanationPicture, HasTheRobotsOutlineInTheShapeOfTheCameraImage) {
 
 TEST(SpacePicture, NeedsTwoJoints) {
   const ConfigurationGrid grid({{.name = "a", .lower = 0, .upper = 2, .steps = 3}});
-  const auto chart = ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {}), "");
+  const auto chart = ChartOf(ConfigurationSpace(grid, {.scene_id = 1}, {}), {}, "");
   EXPECT_EQ(chart.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(chart.status().message()), HasSubstr("2 joints"));
 }
@@ -375,7 +388,9 @@ TEST(SpacePicture, PathOverTheRimOfAContinuousJointIsDrawnInPieces) {
     return Configuration{a * kPi / 180, b * kPi / 180};
   };
   // The chart goes from -5 to 355 degrees.
-  const auto lines = ChartLines(grid, {degrees(300, 10), degrees(340, 10), degrees(370, 40)});
+  const std::vector<std::optional<bool>> unknown;
+  const ChartedJoints charted{.grid = grid, .slides = unknown};
+  const auto lines = ChartLines(charted, {degrees(300, 10), degrees(340, 10), degrees(370, 40)});
   ASSERT_EQ(lines.size(), 2u);
   const ChartPoint out = lines[0].back();
   EXPECT_NEAR(out.x, 355, 1e-9);
@@ -384,8 +399,8 @@ TEST(SpacePicture, PathOverTheRimOfAContinuousJointIsDrawnInPieces) {
   EXPECT_NEAR(in.x, -5, 1e-9);
   EXPECT_NEAR(in.y, 25, 1e-9);
   EXPECT_NEAR(lines[1].back().x, 10, 1e-9);
-  EXPECT_EQ(ChartLines(grid, {degrees(300, 10), degrees(320, 10)}).size(), 1u);
-  EXPECT_NEAR(ChartPointOf(grid, degrees(-30, 0)).x, 330, 1e-9);
+  EXPECT_EQ(ChartLines(charted, {degrees(300, 10), degrees(320, 10)}).size(), 1u);
+  EXPECT_NEAR(ChartPointOf(charted, degrees(-30, 0)).x, 330, 1e-9);
 }
 
 TEST(Output, SaysWhyAVerdictIsUnknownAndWhereAnObstacleMayHide) {
