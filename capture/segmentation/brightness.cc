@@ -95,8 +95,8 @@ int Explained(const Samples& samples, const Brightness& light) {
   return explained;
 }
 
-// The line of least squares through the samples that lie near one: begins with the gain that two
-// quantiles of the pixels speak for.
+// The line of least squares through the samples that lie near one. Begins with `light`, the refined
+// gain without an offset.
 Brightness WithOffset(const Samples& samples, Brightness light) {
   for (int i = 0; i < 5; ++i) {
     const float wide = i < 3 ? 3 : 1;  // so much further away than their tolerance may they lie

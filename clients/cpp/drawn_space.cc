@@ -2,7 +2,6 @@
 #include "clients/cpp/drawn_space.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <stdexcept>
 #include <utility>
@@ -11,6 +10,7 @@
 #include "calib/robot/drawing/drawn_places.h"
 #include "calib/robot/drawing/motion_check.h"
 #include "clients/cpp/motion_in_map.h"
+#include "db/mask/interpolation.h"
 #include "silhouette/messages.h"
 
 namespace silhouette::client {
@@ -21,12 +21,6 @@ namespace {
 constexpr double kLeastResolution = 0.0005;
 constexpr double kMostResolution = 0.1;
 constexpr int64_t kMostChecks = 1'000'000;
-
-void GoTo(std::span<const double> from, std::span<const double> to, double fraction,
-          Configuration& q) {
-  q.resize(from.size());
-  for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], fraction);
-}
 
 }  // namespace
 
@@ -123,14 +117,14 @@ MotionVerdict DrawnSpace::CheckMotion(std::span<const double> from, std::span<co
   };
   if (!note({.q = from, .growth = {}}, from, from)) return result;
   if (!IsOutside(to)) {
-    Configuration first;
-    Configuration last;
+    Configuration first(from.size());
+    Configuration last(from.size());
     bool stopped = false;
     const auto is_free = [&](const MotionPlace& place) {
       stopped = stopped || result.checked > kMostChecks;
       if (stopped) return false;
-      GoTo(from, to, place.first, first);
-      GoTo(from, to, place.last, last);
+      Interpolate(from, to, place.first, first);
+      Interpolate(from, to, place.last, last);
       return note(place, first, last);
     };
     const auto motion = silhouette::CheckMotion(*robot_->robot, from, to, path_resolution, is_free);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "db/mask/interpolation.h"
 #include "db/mask/segment_places.h"
 
 namespace silhouette::client {
@@ -22,7 +23,7 @@ class MapWalk {
   // Whether the place at this fraction of the way is free.
   bool FreeAt(double fraction) {
     ++result_.checked;
-    GoTo(fraction);
+    Interpolate(from_, to_, fraction, {result_.place.data(), from_.size()});
     const Verdict verdict = CheckInMap(
         map_.grid, rule_, q(), [this](ConfigurationNumber number) { return map_.StateAt(number); },
         [this](ConfigurationNumber number) { return map_.CellAt(number); });
@@ -49,11 +50,6 @@ class MapWalk {
 
  private:
   std::span<const double> q() const { return {result_.place.data(), from_.size()}; }
-  void GoTo(double fraction) {
-    for (size_t j = 0; j < from_.size(); ++j) {
-      result_.place[j] = std::lerp(from_[j], to_[j], fraction);
-    }
-  }
 
   const SpaceMap& map_;
   const OffGridRule& rule_;

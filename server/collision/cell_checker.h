@@ -47,7 +47,7 @@ class CellChecker {
   size_t sets() const { return sets_; }
 
   // In which of the sets but the first there may be any of a tile: bit i - 1 for set i. `index` as
-  // for LookUp. With more than 64 variants: all bits.
+  // for LookUp. With more than 64 sets beside the first: all bits.
   uint64_t MayTouch(const TileIndex* index) const;
   // Whether a cell can be other than free for what its corners touch, if they are in tiles of which
   // these sets may have any.

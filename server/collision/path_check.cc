@@ -1,28 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // CollisionChecker::CheckPath.
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <stdexcept>
 
+#include "db/mask/interpolation.h"
 #include "db/mask/segment_places.h"
 #include "server/collision/collision_checker.h"
 
 namespace silhouette {
 namespace {
-
-void GoTo(std::span<const double> from, std::span<const double> to, double fraction,
-          Configuration& q) {
-  q.resize(from.size());
-  for (size_t j = 0; j < q.size(); ++j) q[j] = std::lerp(from[j], to[j], fraction);
-}
-
-Configuration PlaceOnWay(std::span<const double> from, std::span<const double> to,
-                         double fraction) {
-  Configuration q;
-  GoTo(from, to, fraction, q);
-  return q;
-}
 
 void EndAt(std::span<const double> q, size_t segment, double fraction, const Verdict& verdict,
            PathVerdict& result) {
@@ -77,9 +64,9 @@ PathVerdict CollisionChecker::CheckPath(std::span<const Configuration> waypoints
     while (const std::optional<double> place = places.Next()) {
       if (crossing) begin = *place;
       const double end = crossing ? *place : std::min(1.0, 2 * *place - begin);
-      const Configuration first = PlaceOnWay(waypoints[i], to, begin);
-      const Configuration last = PlaceOnWay(waypoints[i], to, end);
-      if (stops_at(PlaceOnWay(waypoints[i], to, *place), i, *place, {first, last})) return result;
+      const Configuration first = Interpolated(waypoints[i], to, begin);
+      const Configuration last = Interpolated(waypoints[i], to, end);
+      if (stops_at(Interpolated(waypoints[i], to, *place), i, *place, {first, last})) return result;
       crossing = !crossing;
     }
   }
@@ -92,8 +79,8 @@ PathVerdict CollisionChecker::CheckDrawnPath(std::span<const Configuration> wayp
                                              const PathSettings& settings) const {
   PathVerdict result;
   bool hidden_possible = false;
-  Configuration first;
-  Configuration last;
+  Configuration first = waypoints.front();
+  Configuration last = first;
   // Whether it is free; `places`: of which nothing may be forbidden.
   const auto note = [&](const TestedPlace& place, const Between& places) {
     if (settings.tested) settings.tested(place);
@@ -119,8 +106,8 @@ PathVerdict CollisionChecker::CheckDrawnPath(std::span<const Configuration> wayp
     const auto is_free = [&](const MotionPlace& at) {
       result.stopped = result.stopped || Stopped(settings.stop);
       if (result.stopped) return false;
-      GoTo(here, next, at.first, first);
-      GoTo(here, next, at.last, last);
+      Interpolate(here, next, at.first, first);
+      Interpolate(here, next, at.last, last);
       const bool sampled = at.growth.empty();
       const Between places{first, last};
       Verdict verdict =

@@ -17,18 +17,14 @@ namespace {
 
 constexpr double kVoxelGridRounding = 1e-9;  // share of an edge
 
-// `row` and its neighbours up to `reach` places to either side; words, bit 0 first.
-void Widen(std::span<const uint64_t> row, int reach, std::span<uint64_t> wide) {
-  std::copy(row.begin(), row.end(), wide.begin());
-  const size_t words = row.size();
-  for (int step = 0; step < reach; ++step) {
-    uint64_t from_left = 0;
-    for (size_t i = 0; i < words; ++i) {
-      const uint64_t word = wide[i];
-      const uint64_t from_right = i + 1 < words ? wide[i + 1] << 63 : 0;
-      wide[i] = word | word << 1 | from_left | word >> 1 | from_right;
-      from_left = word >> 63;
-    }
+// `row` and its neighbours on either side; words, bit 0 first.
+void Widen(std::span<const uint64_t> row, std::span<uint64_t> wide) {
+  uint64_t from_left = 0;
+  for (size_t i = 0; i < row.size(); ++i) {
+    const uint64_t word = row[i];
+    const uint64_t from_right = i + 1 < row.size() ? row[i + 1] << 63 : 0;
+    wide[i] = word | word << 1 | from_left | word >> 1 | from_right;
+    from_left = word >> 63;
   }
 }
 
@@ -157,7 +153,7 @@ VoxelSet MetByBalls(const VoxelSet& centres, const VoxelGrid& grid, double radiu
       if (NothingSet(row)) continue;
       std::copy(row.begin(), row.end(), widened(0).begin());
       for (int by = 1; by <= reach; ++by) {
-        Widen(widened(by - 1), 1, widened(by));
+        Widen(widened(by - 1), widened(by));
         widened(by)[words - 1] &= last;
       }
       for (int dz = -reach; dz <= reach; ++dz) {

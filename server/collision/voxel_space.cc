@@ -192,25 +192,4 @@ PixelRectangle VoxelSpace::Touched(int view, int x, int y, int z) const {
   return look(view).Rectangle(look(view).touched[*place]);
 }
 
-std::vector<std::pair<int, int>> VoxelSpace::Certain(int view, int x, int y, int z) const {
-  std::vector<std::pair<int, int>> pixels;
-  const std::optional<size_t> place = PlaceOf(x, y, z);
-  if (!place) return pixels;
-  const Look& at = look(view);
-  const uint32_t row = at.certain[*place] / at.row_bits();
-  const auto height = static_cast<uint32_t>(at.mask_size.height);
-  const int centre_x = static_cast<int>(at.certain[*place] % at.row_bits());
-  const int centre_y = static_cast<int>(row % height);
-  for (const PixelRun& run : at.shapes[row / height]) {
-    for (int dx = run.first; dx <= run.last; ++dx) {
-      const int pixel_x = centre_x + dx;
-      const int pixel_y = centre_y + run.dy;
-      const bool inside = pixel_x >= 0 && pixel_x < at.mask_size.width && pixel_y >= 0 &&
-                          pixel_y < at.mask_size.height;
-      if (inside) pixels.emplace_back(pixel_x, pixel_y);
-    }
-  }
-  return pixels;
-}
-
 }  // namespace silhouette

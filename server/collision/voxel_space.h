@@ -18,7 +18,6 @@
 #include <functional>
 #include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "db/mask/mask.h"
@@ -131,9 +130,8 @@ class VoxelSpace {
     return always_covered_[static_cast<size_t>(view)];
   }
 
-  // Pixels of a voxel, as above; none outside the active blocks.
+  // The touched pixels of a voxel; none outside the active blocks.
   PixelRectangle Touched(int view, int x, int y, int z) const;
-  std::vector<std::pair<int, int>> Certain(int view, int x, int y, int z) const;
 
   // What follows is for possible_space.cc.
 

@@ -87,7 +87,6 @@ std::vector<VoxelView> ViewsOfSpace(const storage::v1::CellDescription& cell,
 SoundBasis::SoundBasis(const SoundCell& sound, const RobotImageTable& robot_images,
                        std::vector<VoxelView> views)
     : robot_(sound.robot),
-      grid_(robot_images.grid()),
       whole_model_(sound.settings.whole_model),
       space_(sound.workspace, sound.settings.least_obstacle, std::move(views), sound.VoxelEdge()),
       body_(*sound.robot, {.geometry = sound.settings.geometry,
@@ -96,7 +95,12 @@ SoundBasis::SoundBasis(const SoundCell& sound, const RobotImageTable& robot_imag
                            .range = sound.settings.least_obstacle,
                            .step = std::max(sound.VoxelEdge() / kStepsPerEdge, kLeastStep)}) {
   if (sound.robot_may_leave) workspace_ = sound.workspace;
-  for (const GridJoint& joint : grid_.joints()) {
+  for (const GridJoint& joint : robot_images.grid().joints()) {
+    const std::optional<size_t> in_model = robot_->JointIndex(joint.name);
+    if (!in_model) {
+      throw std::invalid_argument("the model has no joint '" + joint.name + "' of the grid");
+    }
+    model_joints_.push_back(*in_model);
     const double step = joint.any() ? kDrawnWay : joint.step();
     most_way_.push_back(robot_images.drawn() ? std::min(step, kDrawnWay) : step);
   }
@@ -158,10 +162,7 @@ BodyDistance SoundBasis::RobotAt(std::span<const JointPosition> joints) const {
 std::vector<double> SoundBasis::PositionsAt(std::span<const double> now,
                                             std::span<const double> q) const {
   std::vector<double> positions(now.begin(), now.end());
-  for (size_t i = 0; i < q.size(); ++i) {
-    const auto joint = robot_->JointIndex(grid_.joints()[i].name);
-    if (joint) positions[*joint] = q[i];
-  }
+  for (size_t i = 0; i < q.size(); ++i) positions[model_joints_[i]] = q[i];
   return positions;
 }
 
@@ -247,7 +248,7 @@ std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
                                                   std::span<const double> from,
                                                   std::span<const double> to) const {
   for (size_t i = 0; i < from.size(); ++i) {
-    const double start = now[*robot_->JointIndex(grid_.joints()[i].name)];
+    const double start = now[model_joints_[i]];
     const double farthest = std::max(std::abs(from[i] - start), std::abs(to[i] - start));
     if (!(farthest <= most_way_[i] + kSameJoint)) return std::nullopt;
   }
@@ -266,11 +267,7 @@ std::optional<PosedBody> SoundBasis::BodyOnTheWay(std::span<const double> now,
 TestSupport::RobotMayMeet SoundBasis::RobotMayMeet(std::span<const JointPosition> joints,
                                                    const PossibleSpace& space) const {
   const std::optional<ModelJoints> now = JointsOf(joints);
-  const auto in_model = [this](const GridJoint& joint) {
-    return robot_->JointIndex(joint.name).has_value();
-  };
   if (!whole_model_ || !now) return nullptr;
-  if (!std::ranges::all_of(grid_.joints(), in_model)) return nullptr;
   return [this, &space, now = now->positions, present = body_.At(now->positions, now->half_ranges)](
              std::span<const double> from, std::span<const double> to) {
     const std::optional<PosedBody> body = BodyOnTheWay(now, from, to);

@@ -15,7 +15,6 @@
 #include "absl/status/statusor.h"
 #include "calib/camera/calibration.h"
 #include "calib/robot/robot_body.h"
-#include "db/mask/configuration_grid.h"
 #include "server/collision/collision_checker.h"
 #include "server/collision/possible_space.h"
 #include "server/collision/robot_image_table.h"
@@ -45,8 +44,9 @@ class SoundBasis {
 
   // `calibration` must have a camera model per view. `margin`: pixels of the masks by which its
   // projection may err. `treatments`: of the views; what is ignored in captured images may hide the
-  // robot. InvalidArgument: `sound` has a length that cannot be, a robot without
-  // geometry, or a least obstacle so small that there would be more voxels than kMostVoxels.
+  // robot. InvalidArgument: `sound` has a length that cannot be, a robot without geometry or
+  // without a joint of the grid, or a least obstacle so small that there would be more voxels than
+  // kMostVoxels.
   static absl::StatusOr<std::shared_ptr<const SoundBasis>> Make(
       const SoundCell& sound, const storage::v1::CellDescription& cell,
       const RobotImageTable& robot_images, const Calibration& calibration, double margin,
@@ -104,8 +104,9 @@ class SoundBasis {
                                         std::span<const double> to) const;
 
   std::shared_ptr<const RobotModel> robot_;
-  ConfigurationGrid grid_;
-  std::vector<double> most_way_;  // by joint of the grid, see RobotMayMeet
+  // By joint of the grid: its place among the joints of the model, and see RobotMayMeet.
+  std::vector<size_t> model_joints_;
+  std::vector<double> most_way_;
   bool whole_model_ = false;
   double resolvable_obstacle_ = 0;
   double mask_scale_ = 0;

@@ -2,7 +2,6 @@
 #include "server/service/separation.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -11,6 +10,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "db/mask/interpolation.h"
 #include "db/status/status_macros.h"
 #include "server/service/calls.h"
 #include "server/service/messages.h"
@@ -116,11 +116,8 @@ void ToMessage(const LevelsNow& now, const SeparationSettings& settings, double 
 
 Configuration PlaceOn(std::span<const Configuration> waypoints, const PathDistance& at) {
   const auto segment = static_cast<size_t>(at.segment);
-  Configuration q = waypoints[segment];
-  if (segment + 1 == waypoints.size()) return q;
-  for (size_t j = 0; j < q.size(); ++j)
-    q[j] = std::lerp(q[j], waypoints[segment + 1][j], at.fraction);
-  return q;
+  if (segment + 1 == waypoints.size()) return waypoints[segment];
+  return Interpolated(waypoints[segment], waypoints[segment + 1], at.fraction);
 }
 
 }  // namespace

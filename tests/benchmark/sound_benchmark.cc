@@ -7,6 +7,7 @@
 #include <memory>
 #include <numbers>
 
+#include "tests/server/collision/certain_pixels.h"
 #include "tests/server/collision/sphere_world.h"
 
 namespace silhouette {
@@ -93,7 +94,7 @@ VoxelSet PlainRemaining(const BallScene& scene) {
   };
   const auto may_be_centre = [&](int x, int y, int z) {
     for (size_t view = 0; view < views; ++view) {
-      for (const auto& [px, py] : space.Certain(static_cast<int>(view), x, y, z)) {
+      for (const auto& [px, py] : testing::CertainPixels(space, static_cast<int>(view), x, y, z)) {
         if (!foregrounds[view].at(px, py)) return false;
       }
     }

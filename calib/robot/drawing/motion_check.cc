@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "db/mask/interpolation.h"
+
 namespace silhouette {
 namespace {
 
@@ -46,13 +48,9 @@ class MotionHalver {
   }
 
  private:
-  void GoTo(double place) {
-    for (size_t j = 0; j < q_.size(); ++j) q_[j] = std::lerp(from_[j], to_[j], place);
-  }
-
   bool IsProven(double first, double last) {
     const double middle = (first + last) / 2;
-    GoTo(middle);
+    Interpolate(from_, to_, middle, q_);
     // A little more, for rounding.
     const double share = (last - first) / 2 * (1 + 1e-9);
     for (size_t part = 0; part < moved_.size(); ++part) growth_[part] = share * moved_[part];
@@ -62,7 +60,7 @@ class MotionHalver {
 
   bool IsFreeAt(double place, double first, double last) {
     if (place == known_free_) return true;
-    GoTo(place);
+    Interpolate(from_, to_, place, q_);
     ++result_.checks;
     if (!is_free_({q_, {}, place, first, last})) {
       result_.fraction = place;

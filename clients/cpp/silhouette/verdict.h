@@ -93,8 +93,9 @@ struct Verdict {
   // Names of the allowed regions that may have changed the verdict.
   std::vector<std::string> regions = {};
   // By how many mask pixels the robot images could grow, in all views at once, before the
-  // configuration were occupied; under the sound presets a lower bound. 0 if occupied, infinite if
-  // no growth makes it occupied. Nothing if unknown or not requested.
+  // configuration were occupied; under the sound presets a lower bound, which leaves out space that
+  // the robot covers in all views whatever it does. 0 if occupied, infinite if no growth makes it
+  // occupied. Nothing if unknown or not requested.
   std::optional<double> clearance = std::nullopt;
 
   bool free() const { return state == State::kFree; }

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "tests/random.h"
+#include "tests/server/collision/certain_pixels.h"
 #include "tests/server/collision/random_cell.h"
 #include "tests/server/collision/sphere_world.h"
 
@@ -109,7 +110,7 @@ VoxelSet PossibleSpaceReference(const VoxelSpace& space, const PossibleSpaceRand
         }
         for (int view = 0; view < space.views(); ++view) {
           const auto& image = scene.images[static_cast<size_t>(view)];
-          for (const auto& [px, py] : space.Certain(view, x, y, z)) {
+          for (const auto& [px, py] : testing::CertainPixels(space, view, x, y, z)) {
             has_centre = has_centre && (!image || !image->Background().at(px, py));
           }
         }

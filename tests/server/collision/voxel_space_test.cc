@@ -10,6 +10,7 @@
 #include "server/collision/voxel_grid.h"
 #include "server/collision/voxel_look.h"
 #include "tests/random.h"
+#include "tests/server/collision/certain_pixels.h"
 #include "tests/server/collision/sphere_world.h"
 
 namespace silhouette {
@@ -93,7 +94,7 @@ TEST(VoxelSpace, EveryBallWithItsCentreInAVoxelTouchesTheCertainPixels) {
     const Vector3d centre = RandomIn(space.grid().Box(at.x(), at.y(), at.z()), random);
     for (int view = 0; view < space.views(); ++view) {
       const Mask ball = cameras[static_cast<size_t>(view)].See(testing::Balls{{centre, kRho}});
-      for (const auto& [x, y] : space.Certain(view, at.x(), at.y(), at.z())) {
+      for (const auto& [x, y] : testing::CertainPixels(space, view, at.x(), at.y(), at.z())) {
         EXPECT_TRUE(ball.at(x, y)) << at.transpose() << " in view " << view;
         ++certain;
       }
@@ -108,7 +109,8 @@ TEST(VoxelSpace, AMarginMakesMorePixelsTouchedAndFewerCertain) {
   const VoxelSpace exact(kBox, 0.07, ViewsOf(cameras));
   const VoxelSpace careful(kBox, 0.07, ViewsOf(cameras, 0.5));
   const auto at = [](const VoxelSpace& space) {
-    return std::pair(space.Touched(0, 30, 20, 16), space.Certain(0, 30, 20, 16).size());
+    return std::pair(space.Touched(0, 30, 20, 16),
+                     testing::CertainPixels(space, 0, 30, 20, 16).size());
   };
   const auto [touched, certain] = at(exact);
   const auto [touched_with_margin, certain_with_margin] = at(careful);
