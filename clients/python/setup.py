@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The extension is built by CMake, in $SILHOUETTE_PYTHON_BUILD or a temporary folder."""
+"""The extension is built by CMake, in $SILHOUETTE_PYTHON_BUILD or a temporary folder, with $CMAKE_ARGS."""
 import os
 import pathlib
+import shlex
 import subprocess
 import sys
 
@@ -17,7 +18,8 @@ class CMakeBuild(build_ext):
         build = pathlib.Path(os.environ.get("SILHOUETTE_PYTHON_BUILD", self.build_temp)).resolve()
         subprocess.run(
             ["cmake", "-S", ROOT, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_UNITY_BUILD=ON",
-             "-DSILHOUETTE_PARTS=client", "-DSILHOUETTE_PYTHON=ON", f"-DPython3_EXECUTABLE={sys.executable}"],
+             "-DSILHOUETTE_PARTS=client", "-DSILHOUETTE_PYTHON=ON", f"-DPython3_EXECUTABLE={sys.executable}",
+             *shlex.split(os.environ.get("CMAKE_ARGS", ""))],
             check=True)
         # A compiler may take 1 GB.
         jobs = os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or str(os.cpu_count())

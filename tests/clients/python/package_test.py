@@ -41,8 +41,11 @@ def test_cmake_installs_the_package(client, server, tmp_path):
 
 
 def test_pip_installs_the_package_without_a_network(client, server, tmp_path):
+    # With the flags of the release build, and as deep as it: the compiler's cache has these objects.
     run(sys.executable, "-m", "pip", "install", "--no-build-isolation", "--no-index", "--no-deps",
-        "--target", tmp_path, SOURCE / "clients/python", SILHOUETTE_PYTHON_BUILD=str(BUILD / "python-pip"))
+        "--target", tmp_path, SOURCE / "clients/python",
+        SILHOUETTE_PYTHON_BUILD=str(BUILD.parent / "python-pip"), CMAKE_GENERATOR="Ninja",
+        CMAKE_ARGS="'-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG' -DCMAKE_COMPILE_WARNING_AS_ERROR=ON")
     assert (tmp_path / "silhouette/_silhouette.pyi").exists()
     publish(client)   # after the build, which may take longer than a scene is valid
     assert ask_by(tmp_path, server)
