@@ -322,7 +322,7 @@ TEST_F(WrappingRobotTest, PositionThatIsNotANumberIsUnavailableAndNamesItsJoint)
   }
   ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
   Place(1, std::nan(""));
-  ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "nobody knows whether it stands still";
+  ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "it may move unseen";
   EXPECT_THAT(robot->State().status().message(), HasSubstr("'lift' that is not a number"));
 }
 

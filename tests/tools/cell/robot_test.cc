@@ -272,7 +272,7 @@ TEST(Cell, OperatorReadsMillimetresOfAJointThatSlidesAlsoWithoutAModel) {
   ASSERT_TRUE(cell.ok()) << cell.status();
   const auto robot = OpenRobot(*cell, nullptr);
   ASSERT_TRUE(robot.ok()) << robot.status();
-  ASSERT_NE(std::freopen("/dev/null", "r", stdin), nullptr) << "nobody answers";
+  ASSERT_NE(std::freopen("/dev/null", "r", stdin), nullptr) << "no operator answers";
   testing::internal::CaptureStderr();
   EXPECT_FALSE((*robot)->MoveTo(std::vector<double>{1, 0.5, 0.2, 0.5}).ok());
   EXPECT_THAT(testing::internal::GetCapturedStderr(),

@@ -102,11 +102,11 @@ absl::StatusOr<ViewedScene> View(const TrialSetting& setting, RandomScene scene,
 
 std::vector<std::unique_ptr<CollisionChecker>> CheckersOf(const TrialSetting& setting,
                                                           const ViewedScene& viewed) {
-  // Neither is owned.
-  const std::shared_ptr<void> nobody;
-  const Served served{.database = std::shared_ptr<const ServedDatabase>(nobody, &setting.database),
-                      .scene = SharedScene(nobody, &viewed.scene),
-                      .without_scene = Reason::kNone};
+  const std::shared_ptr<void> no_owner;
+  const Served served{
+      .database = std::shared_ptr<const ServedDatabase>(no_owner, &setting.database),
+      .scene = SharedScene(no_owner, &viewed.scene),
+      .without_scene = Reason::kNone};
   std::vector<std::unique_ptr<CollisionChecker>> policies;
   for (const Policy& policy : setting.policies) {
     policies.push_back(std::make_unique<CollisionChecker>(setting.database.robot_images(),
