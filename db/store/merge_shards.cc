@@ -36,6 +36,8 @@ bool IsOwn(std::string_view key) {
          key.starts_with(schema::kCaptureKey);
 }
 
+const std::string& VariantName(const VariantState& variant) { return variant.database->variant(); }
+
 // Gives a finished folder its name, for good.
 absl::Status MoveInto(const std::string& folder, const std::string& into) {
   std::error_code error;
@@ -64,8 +66,8 @@ class ShardMerge {
   struct Shard {
     std::string path;
     std::unique_ptr<Database> database;
-    std::vector<VariantState> variants;
-    storage::v1::DrawnImages drawn;  // of one of the variants
+    std::vector<VariantState> variants;  // the default one, then the others by name
+    storage::v1::DrawnImages drawn;      // of one of the variants
     std::map<std::string, storage::v1::DrawnImages> drawn_by_variant;
     std::map<std::string, std::string> shared;  // of `meta`
   };
@@ -105,6 +107,7 @@ absl::StatusOr<ShardMerge::Shard> ShardMerge::OpenShard(const std::string& path)
   shard.path = path;
   ASSIGN_OR_RETURN(shard.database, Database::Open(path, Database::Access::kRead));
   ASSIGN_OR_RETURN(shard.variants, shard.database->ReadVariants());
+  std::ranges::sort(shard.variants.begin() + 1, shard.variants.end(), {}, VariantName);
   for (const VariantState& variant : shard.variants) {
     ASSIGN_OR_RETURN(const auto drawn, variant.snapshot.DrawnImages());
     if (drawn) shard.drawn_by_variant[variant.database->variant()] = *drawn;
@@ -149,7 +152,7 @@ absl::Status ShardMerge::CheckSame(const Shard& shard) const {
     return FailedPrecondition(both, " do not belong together: they were drawn from ", difference);
   }
   if (first.drawn_by_variant.size() != shard.drawn_by_variant.size() ||
-      first.variants.size() != shard.variants.size()) {
+      !std::ranges::equal(first.variants, shard.variants, {}, VariantName, VariantName)) {
     return FailedPrecondition(both, " have different variants");
   }
   std::set<std::string> keys;

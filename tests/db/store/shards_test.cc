@@ -26,8 +26,8 @@ storage::v1::DrawnImages DrawnOf(uint32_t shard, uint32_t shards) {
   return drawn;
 }
 
-RobotImage DrawnImage(const Database& database, ConfigurationNumber number) {
-  RobotImage image = TestImage(database, number);
+RobotImage DrawnImage(const Database& database, ConfigurationNumber number, uint64_t seed = 0) {
+  RobotImage image = TestImage(database, number, seed);
   image.captured = absl::UnixEpoch();
   image.commanded.clear();
   image.measured.clear();
@@ -150,6 +150,55 @@ TEST_F(ShardsTest, MergedShardsAreByteByByteWhatIsDrawnWithoutShards) {
   ASSERT_TRUE(database.ok()) << database.status();
   EXPECT_EQ((*database)->Read()->Provenance()->entries(0).program(), "test merge");
   EXPECT_FALSE(std::filesystem::exists(Path("whole.part")));
+}
+
+TEST_F(ShardsTest, VariantsAreUnitedByNameWhateverTheirOrder) {
+  const std::map<std::string, uint64_t> seeds = {{"own", 1}, {"reach", 2}};
+  const std::vector<std::vector<std::string>> orders = {{"own", "reach"}, {"reach", "own"}};
+  const std::vector<std::string> shards = DrawShards(2);
+  for (uint32_t shard = 0; shard < 2; ++shard) {
+    const auto database = Database::Open(shards[shard], Database::Access::kWrite);
+    ASSERT_TRUE(database.ok()) << database.status();
+    for (const std::string& name : orders[shard]) {
+      const auto variant = (*database)->CreateVariant(name, "test");
+      ASSERT_TRUE(variant.ok()) << variant.status();
+      ASSERT_TRUE((*variant)->SetDrawnImages(DrawnOf(shard, 2), "test").ok());
+      {
+        auto writer = (*variant)->Write("test");
+        for (const ConfigurationNumber number : AllNumbers((*variant)->grid())) {
+          if (!HasTile(DrawnOf(shard, 2), number / kTileSize)) continue;
+          ASSERT_TRUE(writer->Put(DrawnImage(**variant, number, seeds.at(name))).ok());
+        }
+        ASSERT_TRUE(writer->Commit().ok());
+      }
+      ASSERT_TRUE(BuildCollisionIndex(**variant).ok());
+    }
+  }
+  const absl::Status merged = Merge(shards);
+  ASSERT_TRUE(merged.ok()) << merged;
+  const auto whole = Database::Open(Path("whole"), Database::Access::kRead);
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  const std::vector<ConfigurationNumber> numbers = AllNumbers((*whole)->grid());
+  for (const auto& [name, seed] : seeds) {
+    const auto variant = (*whole)->OpenVariant(name);
+    ASSERT_TRUE(variant.ok()) << variant.status();
+    const auto snapshot = (*variant)->Read();
+    EXPECT_EQ(snapshot->size(), 17000u);
+    for (size_t i = 0; i < numbers.size(); i += 97) {
+      const auto image = snapshot->Find(numbers[i]);
+      ASSERT_TRUE(image.ok() && *image) << image.status();
+      ASSERT_EQ((*image)->masks, DrawnImage(**variant, numbers[i], seed).masks) << name << i;
+    }
+  }
+}
+
+TEST_F(ShardsTest, ShardsWithDifferentVariantsAreNeverUnited) {
+  const std::vector<std::string> shards = DrawShards(2);
+  for (size_t shard = 0; shard < 2; ++shard) {
+    const auto database = Database::Open(shards[shard], Database::Access::kWrite);
+    ASSERT_TRUE((*database)->CreateVariant(shard == 0 ? "own" : "reach", "test").ok());
+  }
+  ExpectRefused(Merge(shards), "have different variants");
 }
 
 TEST_F(ShardsTest, MissingShardsAreNamed) {
