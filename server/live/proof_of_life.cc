@@ -213,8 +213,7 @@ absl::Status ProofOfLife::JudgeMotion(size_t view, const RobotCover& robot, cons
 
 void ProofOfLife::ForgetRobot() {
   for (View& view : views_) {
-    view.standing.reset();
-    view.least_changed = 0;
+    if (view.least_changed == 0) view.standing.reset();
   }
 }
 

@@ -45,7 +45,7 @@ class ProofOfLife {
   absl::Status JudgeMotion(size_t view, const RobotCover& robot, const Mask& foreground,
                            const Reference& reference);
 
-  // The robot images are others from now on.
+  // The robot images are others from now on. A dead view stays dead.
   void ForgetRobot();
 
   // Whether any view is.

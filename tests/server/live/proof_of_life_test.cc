@@ -206,8 +206,25 @@ TEST_F(ProofOfLifeTest, RobotImagesThatChangedAreNoMotion) {
   life.ForgetRobot();  // those of another database have the robot elsewhere
   ASSERT_TRUE(Moved(life, Live(), 12, Bar(2)).ok());
   EXPECT_FALSE(Moved(life, Live(), 22, Bar(2)).ok());
-  EXPECT_TRUE(life.AnyDead());
+}
+
+TEST_F(ProofOfLifeTest, DeadViewStaysDeadWithOtherRobotImagesUntilItsImageChanges) {
+  ASSERT_TRUE(Moved(life, Live(), 2, Bar(2)).ok());
+  ASSERT_FALSE(Moved(life, Live(), 12, Bar(2)).ok());
   life.ForgetRobot();
+  EXPECT_TRUE(life.AnyDead());
+  const absl::Status status = Moved(life, Live(), 12, Bar(2));
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("the robot did not move"));
+  robot = 12;
+  // Masks of another size, with the robot images that have them.
+  const auto small = [](int x) {
+    return Mask::FromPredicate({16, 12}, [=](int px, int) { return px >= x && px < x + 3; });
+  };
+  for (const int told : {6, 7}) {
+    ASSERT_TRUE(Judge(Live()).ok());
+    EXPECT_TRUE(life.JudgeMotion(0, {small(told), small(told)}, small(6), reference).ok());
+  }
   EXPECT_FALSE(life.AnyDead());
 }
 
