@@ -138,6 +138,7 @@ absl::Status ReadRequest(const grpc::ByteBuffer& bytes, size_t most, Message& re
   grpc::ByteBuffer copy(bytes);  // of references
   grpc::ProtoBufferReader reader(&copy);
   if (!request.ParseFromZeroCopyStream(&reader)) {
+    request.Clear();
     return absl::InvalidArgumentError(
         absl::StrCat(type,
                      ": the message cannot be parsed; send what silhouette/v1 defines, with "

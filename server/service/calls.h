@@ -48,7 +48,7 @@ inline constexpr size_t kMostBytes<v1::StreamChecksRequest> = size_t{32} << 20;
 absl::Status FieldError(const std::string& field, const std::string& message);
 
 // Parses a request. ResourceExhausted: it has more than `most` bytes. InvalidArgument: it cannot
-// be parsed, or has a text of more than kLongestText bytes.
+// be parsed, and `request` is empty, or has a text of more than kLongestText bytes.
 absl::Status ReadRequest(const grpc::ByteBuffer& bytes, size_t most,
                          google::protobuf::Message& request);
 template <typename Request>

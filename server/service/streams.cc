@@ -267,15 +267,24 @@ void CheckStream::End() {
 }
 
 void CheckStream::OnReadDone(bool ok) {
+  question_.Clear();
+  absl::Status asked;
+  if (ok) asked = serving_.clients.Call(client_);
+  // A refused one is read for its id, if that costs little.
+  constexpr size_t kLittle = size_t{64} << 10;
+  if (ok && (asked.ok() || bytes_.Length() <= kLittle)) {
+    const absl::Status read = ReadRequest(bytes_, question_);
+    if (asked.ok()) asked = read;
+  }
+  // Of a question that could not be read the id is not known.
+  using Question = v1::StreamChecksRequest;
+  const bool over = !ok || (!asked.ok() && question_.question_case() == Question::QUESTION_NOT_SET);
   {
     const std::lock_guard lock(mutex_);
     if (step_ == Step::kOver) return;
-    step_ = ok ? Step::kAnswering : Step::kOver;
+    step_ = over ? Step::kOver : Step::kAnswering;
   }
-  if (!ok) return Finish(grpc::Status::OK);  // the caller asks no more
-  absl::Status asked = serving_.clients.Call(client_);
-  question_.Clear();
-  if (asked.ok()) asked = ReadRequest(bytes_, question_);
+  if (over) return Finish(ToGrpc(asked));  // OK: the caller asks no more
   if (!asked.ok()) return Work([&] { return asked; });
   const bool at_once =
       question_.has_configurations() && AnsweredAtOnce(serving_, question_.configurations());

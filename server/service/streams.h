@@ -267,8 +267,10 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 };
 
 // StreamChecks: one call.
-// Reads a question only when the answer to the one before has been taken by the transport: a caller
-// that does not read its answers does not delay others. Keeps itself alive until the call is over.
+// A refused question gets its error under its id. One that is too large or cannot be parsed ends
+// the call: its id is not known. Reads a question only when the answer to the one before has been
+// taken by the transport: a caller that does not read its answers does not delay others. Keeps
+// itself alive until the call is over.
 class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                           public Watcher,
                           public std::enable_shared_from_this<CheckStream> {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <thread>
 
 #include "tests/server/service/test_server.h"
@@ -10,6 +11,8 @@
 
 namespace silhouette {
 namespace {
+
+using ::testing::HasSubstr;
 
 class StreamServiceTest : public ::testing::Test {
  protected:
@@ -71,6 +74,41 @@ TEST_F(StreamServiceTest, QuestionThatCannotBeAnsweredDoesNotEndTheCall) {
   EXPECT_EQ(asking.Next().error().message(), "question: ask for configurations or for a path");
   EXPECT_EQ(asking.Next().error().message(), "waypoints: a path has at least one");
   EXPECT_EQ(asking.Next().configurations().verdicts(0).state(), v1::Verdict::STATE_FREE);
+}
+
+TEST(StreamService, QuestionBeyondTheLimitIsRefusedUnderItsIdAndLaterOnesAreAnswered) {
+  ServingSettings settings;
+  settings.limits.calls_per_second = 5;
+  TestServer server(NewDatabase({.index = true}), settings);
+  server.Publish(SceneWithBlock(3));
+  Asking asking(server);
+  uint64_t id = 100;
+  const auto ask = [&] {
+    asking.Send(++id, At(0, 0));
+    v1::StreamChecksResponse answer = asking.Next();
+    EXPECT_EQ(answer.id(), id);
+    return answer;
+  };
+  EXPECT_TRUE(ask().has_configurations());
+  v1::StreamChecksResponse refused = ask();
+  for (int i = 0; i < 10'000 && !refused.has_error(); ++i) refused = ask();
+  EXPECT_EQ(refused.error().code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(refused.error().message(), HasSubstr("'calls_per_second'"));
+  std::this_thread::sleep_for(std::chrono::milliseconds(400));
+  EXPECT_EQ(ask().configurations().verdicts(0).state(), v1::Verdict::STATE_FREE);
+  asking.NoMore();
+  EXPECT_TRUE(asking.Finish().ok());
+}
+
+TEST_F(StreamServiceTest, QuestionThatIsTooLargeEndsTheCallAndTheErrorNamesTheLimit) {
+  Asking asking(server);
+  v1::StreamChecksRequest request;
+  request.set_id(1);
+  request.mutable_configurations()->mutable_numbers()->Resize(8'500'000, 0);
+  asking.Send(request);
+  const grpc::Status ended = asking.Finish();
+  EXPECT_EQ(ended.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(ended.error_message(), HasSubstr("at most 33554432"));
 }
 
 TEST_F(StreamServiceTest, EachQuestionIsAnsweredFromTheNewestScene) {
