@@ -75,9 +75,11 @@ class Program {
       const absl::Status ended = RecordOnce();
       if (ended.ok()) break;
       if (IsHopeless(ended)) {
-        // What was recorded is whole.
-        if (recorder_) recorder_->Close().IgnoreError();
-        return ended;
+        if (!recorder_ && path_.empty()) return ended;
+        const ExitCode recorded = End();
+        if (recorded == kDone) return ended;
+        Report("silhouette-record", ended);
+        return recorded;
       }
       if (!lost_since_) {
         const RecorderTime now = Now();

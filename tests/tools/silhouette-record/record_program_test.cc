@@ -197,6 +197,37 @@ TEST_F(RecordProgram, StopAfterWhichTheServerAnswersNoMoreIsKept) {
   EXPECT_THAT((*recording)->summary().stops, SizeIs(1));
 }
 
+TEST_F(RecordProgram, WhatWasRecordedAndWhatIsLostIsReportedWhenItGivesUp) {
+  const auto database = Client::Connect(cell_.address())->GetDatabase();
+  ASSERT_TRUE(database.ok()) << database.status();
+  std::atomic<bool> asked = false;
+  FakeServer server;
+  server.get_database = [&](auto&, const auto&, v1::GetDatabaseResponse& response) {
+    response = *database;
+    asked = true;
+    return grpc::Status::OK;
+  };
+  server.watch_scenes = [&](grpc::ServerContext& context, const auto&,
+                            grpc::ServerWriter<v1::WatchScenesResponse>& writer) {
+    EXPECT_TRUE(fs::remove(cell_.shell().folder() / "r"));  // the disk takes nothing
+    v1::WatchScenesResponse news;
+    news.mutable_state()->set_database_generation(database->generation());
+    writer.Write(news);
+    while (!asked && !context.IsCancelled()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return grpc::Status(grpc::StatusCode::PERMISSION_DENIED, "no operator any more");
+  };
+  const auto record =
+      Start("silhouette-record " + server.address + " --folder r --format json", "record");
+  EXPECT_TRUE(Has("record", "no operator any more"));
+  const std::string text = ContentOf(cell_.shell().folder() / "record");
+  const size_t end = text.find("{\"event\":\"end\"");
+  ASSERT_NE(end, std::string::npos) << text;
+  EXPECT_GT(Json::parse(text.substr(end, text.find('\n', end) - end))["lost_messages"], 0) << text;
+  EXPECT_EQ(record->End(SIGTERM), 3) << "the disk took not all of it";
+}
+
 TEST_F(RecordProgram, ReplayAnswersAsTheServerDidAndWhatAnotherPolicyWouldHaveSaid) {
   RecordAStop("");
   const std::string file = Files("recording-").at(0);
@@ -328,7 +359,7 @@ TEST_F(RecordProgram, ServerInUseIsRefused) {
       *image.mutable_scene_mask() = client::ToMessage(RobotAt(0, 0));
     }
     while (!end) {
-      EXPECT_TRUE(client->PublishScene(request).ok());
+      EXPECT_TRUE(client->PublishScene(request, client::RunningClock::now()).ok());
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
   });
