@@ -72,6 +72,11 @@ void RequireMasks(const v1::Scene& scene) {
 void RequireMasks(const v1::AllowedRegion& region) {
   for (const v1::RegionPixels& view : region.views()) FromMessage(view.mask());
 }
+void RequireMasks(const v1::ExplainResponse& explanation) {
+  for (const v1::ViewExplanation& view : explanation.views()) {
+    if (view.has_robot()) FromMessage(view.robot());
+  }
+}
 
 // The message; Malformed if one of its masks cannot be.
 template <typename Message>
@@ -251,6 +256,8 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
   request.set_variant(variant_);
   const auto response = Ask(connection_, &v1::CollisionService::Stub::Explain, request, timeout_);
   if (!response.ok()) return response.status();
+  const absl::Status usable = WithMasks(response->message, address()).status();
+  if (!usable.ok()) return usable;
   Explanation explanation{
       .basis = FromMessage(response->message.basis(), response->made), .verdict = {}, .views = {}};
   explanation.verdict = FromMessage(response->message.verdict(), explanation.basis);
@@ -268,11 +275,21 @@ absl::StatusOr<Explanation> Client::Explain(const Configuration& configuration,
 
 absl::StatusOr<v1::Scene> Client::PublishScene(
     v1::PublishSceneRequest scene, std::optional<RunningClock::time_point> taken) const {
-  if (!taken) taken = RunningClock::now();
+  if (taken > RunningClock::now()) {
+    return absl::InvalidArgumentError(
+        "taken lies in the future: state an instant of RunningClock::now() not later than the "
+        "capture, not one of another clock");
+  }
   if (!variant_.empty()) scene.set_variant(variant_);
   std::vector<v1::ViewImage*> unstamped;
   for (v1::ViewImage& image : *scene.mutable_views()) {
     if (!image.has_capture_time() && !image.has_server_clock()) unstamped.push_back(&image);
+  }
+  if (!unstamped.empty() && !taken) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the image of view '", unstamped.front()->view(),
+                     "' has no time: state taken, an instant of RunningClock::now() not later than "
+                     "the capture, such as that before the cameras are triggered"));
   }
   const auto publish = [&]() -> absl::StatusOr<v1::PublishSceneResponse> {
     const absl::Status status = unstamped.empty() ? AskCell(*connection_, timeout_)

@@ -103,8 +103,11 @@ ConfigurationChecks SpaceSnapshot::CheckConfigurations(
 
 NumberChecks SpaceSnapshot::CheckNumbers(std::span<const uint32_t> numbers) const {
   const std::vector<uint64_t> none((numbers.size() + 63) / 64, 0);
-  NumberChecks checks{
-      .basis = content_->basis, .size = numbers.size(), .free = none, .occupied = none};
+  NumberChecks checks{.basis = content_->basis,
+                      .unknown_reason = Reason::kNotInMap,
+                      .size = numbers.size(),
+                      .free = none,
+                      .occupied = none};
   if (content_->map != nullptr) {
     for (size_t i = 0; i < numbers.size(); ++i) {
       const State state = content_->map->StateAt(numbers[i]);

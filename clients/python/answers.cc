@@ -245,12 +245,15 @@ Numbers NumbersIn(const py::object& numbers) {
   return narrow;
 }
 
+void RequireRows(const Doubles& array, const std::string& what) {
+  if (array.ndim() == 2) return;
+  throw std::invalid_argument(what + " has " + std::to_string(array.ndim()) +
+                              " dimensions; it takes an array of the shape (n, joints), a row "
+                              "for each configuration");
+}
+
 std::vector<Configuration> RowsOf(const Doubles& array, const std::string& what) {
-  if (array.ndim() != 2) {
-    throw std::invalid_argument(what + " has " + std::to_string(array.ndim()) +
-                                " dimensions; it takes an array of the shape (n, joints), a row "
-                                "for each configuration");
-  }
+  RequireRows(array, what);
   std::vector<Configuration> rows;
   for (py::ssize_t i = 0; i < array.shape(0); ++i) {
     rows.emplace_back(array.data(i, 0), array.data(i, 0) + array.shape(1));
@@ -318,6 +321,8 @@ void BindAnswers(py::module_& module) {
   module.def(
       "name_of", [](uint8_t reason) { return client::NameOf(static_cast<Reason>(reason)); },
       py::arg("reason"), "Such as \"scene stale\".");
+  // Now: later, two threads may be first, and the one that waits would hold the interpreter's lock.
+  TheEnums();
   BindBasis(module);
   BindVerdict(module);
   BindChecks(module);

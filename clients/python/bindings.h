@@ -77,8 +77,10 @@ bool WaitInSlices(std::optional<double> timeout, F wait) {
 
 using Doubles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-// The n rows of an array of the shape (n, d). Throws std::invalid_argument, naming `what`, for any
-// other shape.
+// Throws std::invalid_argument, naming `what`, unless the shape is (n, d).
+void RequireRows(const Doubles& array, const std::string& what);
+
+// The n rows of such an array; throws as RequireRows.
 std::vector<Configuration> RowsOf(const Doubles& array, const std::string& what);
 
 // Numbers of configurations: a uint32 array as it is, one of other whole numbers as such. Throws

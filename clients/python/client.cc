@@ -6,6 +6,7 @@
 #include <chrono>
 #include <map>
 
+#include "absl/strings/str_cat.h"
 #include "clients/python/bindings.h"
 #include "silhouette/messages.h"
 
@@ -19,11 +20,39 @@ using client::Policy;
 using Clock = client::RunningClock;
 using Joints = std::map<std::string, double>;
 
-// `seconds`: of Python's time.monotonic(), which stands still while the computer sleeps.
+// `seconds`: of Python's time.monotonic(), which stands still while the computer sleeps. Throws
+// std::invalid_argument for an instant that lies in the future, or that no such clock has shown.
 Clock::time_point MonotonicTime(double seconds) {
   const Clock::time_point now = Clock::now();  // first: a pause makes the image older, no younger
-  const auto monotonic = std::chrono::steady_clock::now().time_since_epoch();
-  return now - (monotonic - absl::ToChronoNanoseconds(SecondsOf(seconds, "taken")));
+  const absl::Duration monotonic =
+      absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+  const absl::Duration age = monotonic - SecondsOf(seconds, "taken");
+  if (age < absl::ZeroDuration() || age > absl::Hours(24 * 3650)) {
+    throw std::invalid_argument(absl::StrCat(
+        "taken is ", seconds, ", and time.monotonic() is ", absl::ToDoubleSeconds(monotonic),
+        ": state one of it not later than the capture, not one of time.time()"));
+  }
+  return now - absl::ToChronoNanoseconds(age);
+}
+
+// The time for a call, which nothing else ends. Throws std::invalid_argument for one without end.
+absl::Duration TimeoutOf(double seconds) {
+  const absl::Duration timeout = SecondsOf(seconds, "timeout");
+  if (timeout <= absl::ZeroDuration() || timeout == absl::InfiniteDuration()) {
+    throw std::invalid_argument(
+        absl::StrCat("timeout is ", seconds, "; it takes a finite number of seconds above 0"));
+  }
+  return timeout;
+}
+
+// The key of a dict. Throws std::invalid_argument if it is no name.
+std::string ViewNameOf(const py::handle& key) {
+  try {
+    return py::cast<std::string>(key);
+  } catch (const py::cast_error&) {
+    throw std::invalid_argument("a view is named by a str, not by " +
+                                py::cast<std::string>(py::repr(key)));
+  }
 }
 
 client::Clearance Measured(bool clearance) {
@@ -46,9 +75,21 @@ v1::Mask MaskMessage(const py::handle& pixels, const std::string& view) {
       Mask::FromPredicate(size, [&mask](int x, int y) { return *mask.data(y, x); }));
 }
 
+std::vector<std::pair<double, double>> CornersOf(const py::handle& polygon,
+                                                 const std::string& view) {
+  try {
+    return py::cast<std::vector<std::pair<double, double>>>(polygon);
+  } catch (const py::cast_error&) {
+    throw std::invalid_argument("the region of view '" + view +
+                                "' takes an array of bool of the shape (height, width), or the "
+                                "corners (x, y) of a polygon");
+  }
+}
+
 // An image of a view: masks by a dict of bool arrays, camera images as the bytes of a PNG or JPEG.
 py::object PublishScene(const Client& client, const Joints& joints, const py::dict& views,
-                        const py::dict& obstacles, std::optional<double> taken) {
+                        const py::dict& obstacles, double taken) {
+  const Clock::time_point time = MonotonicTime(taken);
   v1::PublishSceneRequest request;
   for (const auto& [name, position] : joints) {
     v1::JointPosition& joint = *request.add_joints();
@@ -57,7 +98,7 @@ py::object PublishScene(const Client& client, const Joints& joints, const py::di
   }
   for (const auto& [name, image] : views) {
     v1::ViewImage& view = *request.add_views();
-    view.set_view(py::cast<std::string>(name));
+    view.set_view(ViewNameOf(name));
     if (py::isinstance<py::bytes>(image)) {
       view.set_camera_image(py::cast<std::string>(image));
     } else {
@@ -66,11 +107,9 @@ py::object PublishScene(const Client& client, const Joints& joints, const py::di
   }
   for (const auto& [name, mask] : obstacles) {
     v1::ViewImage& view = *request.add_views();
-    view.set_view(py::cast<std::string>(name));
+    view.set_view(ViewNameOf(name));
     *view.mutable_obstacle_mask() = MaskMessage(mask, view.view());
   }
-  std::optional<Clock::time_point> time;
-  if (taken) time = MonotonicTime(*taken);
   return ToPython(Ask([&] { return client.PublishScene(std::move(request), time); }));
 }
 
@@ -81,12 +120,12 @@ py::object AllowRegion(const Client& client, const std::string& name, const py::
   *request.mutable_duration() = client::ToMessage(SecondsOf(duration, "duration"));
   for (const auto& [view, pixels] : views) {
     v1::RegionPixels& region = *request.add_views();
-    region.set_view(py::cast<std::string>(view));
+    region.set_view(ViewNameOf(view));
     if (py::isinstance<py::array_t<bool>>(pixels)) {
       *region.mutable_mask() = MaskMessage(pixels, region.view());
       continue;
     }
-    for (const auto& [x, y] : py::cast<std::vector<std::pair<double, double>>>(pixels)) {
+    for (const auto& [x, y] : CornersOf(pixels, region.view())) {
       v1::Point& corner = *region.mutable_polygon()->add_corners();
       corner.set_x(x);
       corner.set_y(y);
@@ -288,15 +327,15 @@ void BindChecksOf(py::class_<Client>& type) {
 void BindReports(py::class_<Client>& type) {
   type.def(
           "publish_scene", PublishScene, py::kw_only(), py::arg("joints"),
-          py::arg("views") = py::dict(), py::arg("obstacles") = py::dict(),
-          py::arg("taken") = py::none(),
+          py::arg("views") = py::dict(), py::arg("obstacles") = py::dict(), py::arg("taken"),
           "Publishes one simultaneous set of images; returns the scene, which may have defects.\n\n"
           "joints: name to radians or metres, at that time: all grid joints and fixed joints.\n"
           "views: view to the bytes of a PNG or JPEG camera image, or to a (height, width) bool "
           "mask of all that differs from the empty cell.\n"
           "obstacles: view to a (height, width) bool mask of the obstacles without the robot.\n"
-          "taken: a time.monotonic() not later than the capture, seconds; the computer must "
-          "not have slept since, as that clock stands still then. None: the call.")
+          "taken: a time.monotonic() not later than the capture, seconds, such as that before the "
+          "cameras are triggered; required. The computer must not have slept since, as that clock "
+          "stands still then.")
       .def(
           "get_scene",
           [](const Client& at, uint64_t id, bool with_planes) {
@@ -350,7 +389,7 @@ void BindClient(py::module_& module) {
                        const std::string& tls_ca, const std::string& tls_certificate,
                        const std::string& tls_key) {
              auto client =
-                 Client::Connect(address, SecondsOf(timeout, "timeout"),
+                 Client::Connect(address, TimeoutOf(timeout),
                                  {.ca = tls_ca, .certificate = tls_certificate, .key = tls_key});
              if (!client.ok()) throw StatusError(client.status());
              return client->WithVariant(variant);
@@ -359,15 +398,14 @@ void BindClient(py::module_& module) {
            py::arg("variant") = "", py::arg("tls_ca") = "", py::arg("tls_certificate") = "",
            py::arg("tls_key") = "",
            "Connects with the first call, and again after a lost connection.\n\n"
-           "address: \"host:port\" or \"unix:path\".\ntimeout: seconds, for each call.\n"
+           "address: \"host:port\" or \"unix:path\".\ntimeout: seconds, for each call; Ctrl-C "
+           "does not end one earlier.\n"
            "variant: of the robot, which checks use; empty: the scene's.\n"
            "tls_ca, tls_certificate, tls_key: PEM files of an encrypted connection, all or none.")
       .def_property_readonly("address", &Client::address)
       .def(
           "with_timeout",
-          [](const Client& at, double timeout) {
-            return at.WithTimeout(SecondsOf(timeout, "timeout"));
-          },
+          [](const Client& at, double timeout) { return at.WithTimeout(TimeoutOf(timeout)); },
           py::arg("timeout"), "The same connection. timeout: seconds.")
       .def("with_variant", &Client::WithVariant, py::arg("variant"),
            "The same connection for another variant of the robot.");

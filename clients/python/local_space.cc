@@ -54,35 +54,30 @@ class JointValues {
   std::span<const double> values_;
 };
 
-// Unknown outside the grid is true of them, too, but not what the caller must mend.
-void RequireJoints(const SpaceSnapshot& snapshot, std::span<const double> q,
-                   const std::string& name) {
+// `joints`: the number of values. Unknown outside the grid is true of others, too, but not what the
+// caller must mend.
+void RequireJoints(const SpaceSnapshot& snapshot, size_t joints, const std::string& name) {
   const ConfigurationGrid* grid = snapshot.grid();
-  if (grid == nullptr || q.size() == static_cast<size_t>(grid->dimensions())) return;
-  throw std::invalid_argument(name + " has " + std::to_string(q.size()) +
+  if (grid == nullptr || joints == static_cast<size_t>(grid->dimensions())) return;
+  throw std::invalid_argument(name + " has " + std::to_string(joints) +
                               " joint values; the grid has " + std::to_string(grid->dimensions()) +
                               " joints");
 }
 
 client::Verdict CheckOne(const SpaceSnapshot& snapshot, const py::object& q) {
   const JointValues values(q);
-  RequireJoints(snapshot, values.get(), "q");
+  RequireJoints(snapshot, values.get().size(), "q");
   return snapshot.Check(values.get());
 }
 
 Checks CheckMany(const SpaceSnapshot& snapshot, const Doubles& configurations) {
-  if (configurations.ndim() != 2) (void)RowsOf(configurations, "configurations");
-  const ConfigurationGrid* grid = snapshot.grid();
-  if (grid != nullptr && configurations.shape(1) != grid->dimensions()) {
-    throw std::invalid_argument("configurations has " + std::to_string(configurations.shape(1)) +
-                                " joint values a row; the grid has " +
-                                std::to_string(grid->dimensions()) + " joints");
-  }
+  RequireRows(configurations, "configurations");
+  const auto joints = static_cast<size_t>(configurations.shape(1));
+  RequireJoints(snapshot, joints, "a row of configurations");
   Checks checks(snapshot.basis(), configurations.shape(0));
   uint8_t* states = checks.states.mutable_data();
   uint8_t* reasons = checks.reasons.mutable_data();
   const double* q = configurations.data();
-  const auto joints = static_cast<size_t>(configurations.shape(1));
   WithoutLock([&, size = configurations.shape(0)] {
     for (py::ssize_t i = 0; i < size; ++i, q += joints) {
       const client::Verdict verdict = snapshot.Check({q, joints});
@@ -107,8 +102,8 @@ Motion CheckMotion(const SpaceSnapshot& snapshot, const py::handle& from, const 
                    double path_resolution) {
   const JointValues begin(from);
   const JointValues end(to);
-  RequireJoints(snapshot, begin.get(), "start");
-  RequireJoints(snapshot, end.get(), "goal");
+  RequireJoints(snapshot, begin.get().size(), "start");
+  RequireJoints(snapshot, end.get().size(), "goal");
   return {
       WithoutLock([&] { return snapshot.CheckMotion(begin.get(), end.get(), path_resolution); }),
       begin.get().size()};

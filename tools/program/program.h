@@ -21,7 +21,7 @@ enum ExitCode : int {
   kNo = 1,           // the answer is no, or the check failed
   kUserMistake = 2,  // a wrong argument, file or setting
   kWorldFailed = 3,  // device, disk, network
-  kStopped = 130,    // Ctrl-C before there was an answer; of commands that Ctrl-C just ends, too
+  kStopped = 130,    // Ctrl-C before all was answered; of commands that Ctrl-C just ends, too
 };
 
 // kUserMistake for InvalidArgument, NotFound, AlreadyExists, FailedPrecondition, OutOfRange and

@@ -232,7 +232,7 @@ absl::Status CheckLinesAsk(const Session& session, TypedJoints& joints, client::
 
 // --stream: configurations from standard input, answered one by one as they come. One line of
 // output for each line with a configuration, in their order. kDone if all are free, and there is
-// one; ends with Ctrl-C, or with the first line that is no configuration.
+// one; kStopped after Ctrl-C. Ends with the first line that is no configuration.
 absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
@@ -249,7 +249,8 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
   printer.join();
   RETURN_IF_ERROR(outcome.status);
   RETURN_IF_ERROR(mistake);
-  if (outcome.answers == 0 && StopRequested()) return kStopped;
+  // There may be lines that were not checked.
+  if (StopRequested()) return kStopped;
   if (outcome.answers == 0) {
     return absl::InvalidArgumentError(
         "standard input has no configuration; give one on each line, as the program before the "
@@ -367,7 +368,7 @@ void AddCheckCommand(CLI::App& program, Session& session) {
   AddVerdictOptions(*command, session);
   command->footer(
       "Exit code 0 if all are free, 1 if not. With --stream a line for each, with --format json\n"
-      "an object on each.\n\n"
+      "an object on each, and exit code 130 after Ctrl-C.\n\n"
       "Example:\n"
       "  silhouette check 0.1,0.2 30deg,-10deg --clearance\n"
       "  silhouette check --degrees 30,-10 --repeat 1000 --format json\n"

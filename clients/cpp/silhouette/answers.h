@@ -73,7 +73,8 @@ struct PathPlace {
 // Verdicts for grid configurations that were requested by number.
 struct NumberChecks {
   Basis basis;
-  // Why all are unknown, if no verdict can rest on the scene.
+  // Why those that are unknown are. The server states it only where no verdict can rest on the
+  // scene, else kUnspecified; of a map kNotInMap where it has no state.
   Reason unknown_reason = Reason::kUnspecified;
   // Number of requested configurations.
   size_t size = 0;

@@ -68,8 +68,10 @@ class PublishingClock;
 // Any number of threads may use a client at once. Copies share the connection. In a process that
 // was forked from one that had a client, every call is a FailedPrecondition: it would disturb the
 // parent's. From the first answer on a client is of one cell: if the server of another one (by
-// name, grid, fixed joints or views) has the address later, checks, watches, GetDatabase and what
-// changes the cell end as FailedPrecondition, and nothing of a LocalSpace is known; connect again.
+// name, grid, fixed joints or views) has the address later, checks, watched paths, GetDatabase and
+// what changes the cell end as FailedPrecondition, and nothing of a LocalSpace is known; connect
+// again. GetScene, WatchScenes, GetAcquisition, ListAllowedRegions and RevokeRegion do not check
+// this: they are for the cell that is served now, whichever it is.
 class Client {
  public:
   // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
@@ -143,9 +145,10 @@ class Client {
   // joints of the grid and all fixed joints. WithVariant names the variant. The returned scene may
   // have defects.
   // `taken`: an instant not later than the capture of the images that state no time, for example
-  // that before the cameras were triggered; default: the call. They get it as server_clock, by
-  // round trips, at most one a second: however long the request is under way, the server knows how
-  // old they are. Images with a capture_time or server_clock keep it.
+  // that before the cameras were triggered. They get it as server_clock, by round trips, at most
+  // one a second: however long the request is under way, the server knows how old they are. Images
+  // with a capture_time or server_clock keep it. InvalidArgument: an image has no time and `taken`
+  // is unset, or `taken` lies in the future.
   absl::StatusOr<v1::Scene> PublishScene(
       v1::PublishSceneRequest scene,
       std::optional<RunningClock::time_point> taken = std::nullopt) const;

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scenes that a client publishes and reads, and the times of its images.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <chrono>
+#include <string>
 #include <thread>
 
 #include "silhouette/client.h"
@@ -12,6 +14,9 @@
 
 namespace silhouette::client {
 namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 TEST(Scene, IsSentAndReadWhole) {
   FakeServer server;
@@ -92,7 +97,7 @@ TEST(Scene, ImagesAreStampedByTheServersClockBeforeTheyAreSent) {
   request.add_views()->set_view("top");
   *request.add_views()->mutable_capture_time() = ToMessage(absl::FromUnixSeconds(1'700'000'000));
   const absl::Duration called = server.Clock();
-  ASSERT_TRUE(client.PublishScene(request).ok());
+  ASSERT_TRUE(client.PublishScene(request, RunningClock::now()).ok());
   EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), called + absl::Milliseconds(20));
   EXPECT_GE(FromMessage(server.seen.views(0).server_clock()), called - absl::Seconds(1));
   EXPECT_FALSE(server.seen.views(1).has_server_clock()) << "it has a time";
@@ -108,9 +113,9 @@ TEST(Scene, IsStampedAgainWhenTheServersComputerWasRestarted) {
   const Client client = ClientOfHere(server.fake);
   v1::PublishSceneRequest request;
   request.add_views()->set_view("top");
-  ASSERT_TRUE(client.PublishScene(request).ok());
+  ASSERT_TRUE(client.PublishScene(request, RunningClock::now()).ok());
   server.ahead = absl::ZeroDuration();
-  ASSERT_TRUE(client.PublishScene(request).ok());
+  ASSERT_TRUE(client.PublishScene(request, RunningClock::now()).ok());
   EXPECT_LE(FromMessage(server.seen.views(0).server_clock()), server.Clock());
   EXPECT_EQ(server.round_trips, 2);
 }
@@ -120,8 +125,26 @@ TEST(Scene, OfAServerThatReportsNoClockIsAnError) {
   server.check_configurations = [](auto&, auto&, auto&) { return grpc::Status::OK; };
   v1::PublishSceneRequest request;
   request.add_views()->set_view("top");
-  EXPECT_EQ(ClientOfHere(server).PublishScene(request).status().code(),
+  EXPECT_EQ(ClientOfHere(server).PublishScene(request, RunningClock::now()).status().code(),
             absl::StatusCode::kUnimplemented);
+}
+
+TEST(Scene, WithAnImageOfUnknownAgeOrFromTheFutureIsRefusedAndNotSent) {
+  ClockedServer server;
+  const Client client = ClientOfHere(server.fake);
+  v1::PublishSceneRequest request;
+  *request.add_views()->mutable_capture_time() = ToMessage(absl::Now());
+  request.add_views()->set_view("top");
+  const absl::Status undated = client.PublishScene(request).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(undated)) << undated;
+  EXPECT_THAT(std::string(undated.message()), AllOf(HasSubstr("'top'"), HasSubstr("state taken")));
+  const absl::Status future =
+      client.PublishScene(request, RunningClock::now() + std::chrono::hours(1)).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(future)) << future;
+  EXPECT_THAT(std::string(future.message()),
+              AllOf(HasSubstr("in the future"), HasSubstr("RunningClock::now()")));
+  EXPECT_EQ(server.seen.views_size(), 0);
+  EXPECT_EQ(server.round_trips, 0);
 }
 
 TEST(Scene, WithAMaskThatCannotBeIsAnError) {

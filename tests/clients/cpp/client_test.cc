@@ -494,6 +494,20 @@ TEST(Explain, BringsThePictures) {
   EXPECT_EQ(explanation->views[0].collision_png, "png");
 }
 
+TEST(Explain, WithARobotMaskThatCannotBeIsAnError) {
+  FakeServer server;
+  server.explain = [](auto&, auto&, v1::ExplainResponse& response) {
+    *response.mutable_basis() = GoodBasis();
+    v1::Mask& robot = *response.add_views()->mutable_robot();
+    robot.set_width(8);
+    robot.set_height(8);
+    return grpc::Status::OK;
+  };
+  const absl::Status status = ClientOfHere(server).Explain(kOne[0]).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
+  EXPECT_THAT(std::string(status.message()), HasSubstr("mask"));
+}
+
 TEST(Reasons, EachHasItsOwnWords) {
   std::vector<Reason> reasons;
   for (int reason = 0; reason <= v1::Verdict::Reason_MAX; ++reason) {

@@ -90,6 +90,7 @@ TEST(LocalSpace, AnswersAsTheServerDid) {
   EXPECT_EQ(numbers.StateOf(0), State::kFree);
   EXPECT_EQ(numbers.StateOf(1), State::kOccupied);
   EXPECT_EQ(numbers.StateOf(2), State::kUnknown);
+  EXPECT_EQ(numbers.unknown_reason, Reason::kNotInMap);
   const ConfigurationChecks checks =
       space.CheckConfigurations(std::vector<Configuration>{{0, 5}, {0, 64}});
   EXPECT_EQ(checks.basis.scene_id, 3u);

@@ -53,7 +53,7 @@ class OneAddress : public testing::Test {
     address_ = server_->address();
     const auto publish = [&] {
       return Client::Connect(address_)->PublishScene(
-          RequestOf(block == 5 ? EmptyCellScene() : SceneWithBlock(block)));
+          RequestOf(block == 5 ? EmptyCellScene() : SceneWithBlock(block)), RunningClock::now());
     };
     auto scene = publish();
     // gRPC may still hold that the server before is gone.

@@ -176,10 +176,44 @@ def test_scenes_are_read_back_as_published(client):
     assert (scene["views"][0]["obstacle"] == WALL).all()
     assert client.get_scene()["views"][0]["obstacle"] is None
     with pytest.raises(ValueError, match="bool"):
-        client.publish_scene(joints={"x": 0.0, "y": 0.0}, views={"left": np.zeros((16, 16))})
+        client.publish_scene(joints={"x": 0.0, "y": 0.0}, views={"left": np.zeros((16, 16))}, taken=time.monotonic())
     database = client.get_database()
     assert database["cell_name"] == "block" and database["configurations"] == STEPS * STEPS
     assert "uncalibrated" in database["presets"]
+
+
+def test_an_image_of_unknown_age_or_from_the_future_is_refused(client):
+    scene = {"joints": {"x": 0.0, "y": 0.0}, "views": {"left": WALL, "right": WALL}}
+    with pytest.raises(TypeError, match="taken: float"):
+        client.publish_scene(**scene)
+    for no_instant in (time.time(), time.monotonic() + 3600, float("inf"), float("-inf"), -1e300, float("nan")):
+        with pytest.raises(ValueError, match="taken is"):
+            client.publish_scene(**scene, taken=no_instant)
+    with pytest.raises(silhouette.NotFound):
+        client.get_scene()
+    taken = time.monotonic() - 5
+    client.publish_scene(**scene, taken=taken)
+    assert 5 <= client.check([[0, 0]]).basis.age() < 60
+
+
+def test_a_timeout_is_a_finite_number_of_seconds_above_0(client):
+    for endless in (float("inf"), 1e300, float("nan"), 0.0, -1.0):
+        with pytest.raises(ValueError, match="timeout is"):
+            client.with_timeout(endless)
+        with pytest.raises(ValueError, match="timeout is"):
+            silhouette.Client(client.address, timeout=endless)
+
+
+def test_a_region_or_a_view_of_another_type_is_refused_with_the_right_one(client):
+    for wrong in (WALL.astype(np.uint8), 7, "corners", [(1, 2, 3)]):
+        with pytest.raises(ValueError, match=r"'left' takes an array of bool .* corners \(x, y\)"):
+            client.allow_region("part", views={"left": wrong}, duration=60.0)
+    with pytest.raises(ValueError, match="named by a str, not by 7"):
+        client.allow_region("part", views={7: WALL}, duration=60.0)
+    for images in ({"views": {7: WALL}}, {"obstacles": {7: WALL}}):
+        with pytest.raises(ValueError, match="named by a str, not by 7"):
+            client.publish_scene(joints={}, **images, taken=time.monotonic())
+    assert client.list_regions() == []
 
 
 def test_an_allowed_region_lets_the_robot_in_and_is_named(client):
@@ -290,6 +324,16 @@ def test_numbers_may_be_any_whole_numbers(client):
     for wrong in (numbers - 1 - numbers.max(), numbers + 2**32, numbers.astype(float), ["a"]):
         with pytest.raises(ValueError, match="numbers"):
             client.check_numbers(wrong)
+
+
+def test_the_first_verdict_imports_nothing():
+    # A thread that imports lets others run, who would wait for it with the interpreter's lock.
+    script = """import silhouette, sys
+sys.modules["silhouette._enums"] = None
+print(silhouette.LocalSpace(silhouette.Client("127.0.0.1:1")).unknown_reason is not None)
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert ended.stdout == "True\n", ended.stderr
 
 
 def test_numbers_of_a_reason_are_those_of_the_library():

@@ -89,7 +89,8 @@ def client(server):
     return silhouette.Client(server)
 
 
-def publish(client, left=WALL, right=WALL, **more):
+def publish(client, left=WALL, right=WALL):
+    taken = time.monotonic()
     robot = robot_at(0, 0)
     return client.publish_scene(
-        joints={"x": 0.0, "y": 0.0}, views={"left": left | robot, "right": right | robot}, **more)
+        joints={"x": 0.0, "y": 0.0}, views={"left": left | robot, "right": right | robot}, taken=taken)

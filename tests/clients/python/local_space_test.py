@@ -45,7 +45,7 @@ def test_verdicts_are_those_of_the_server(client):
         assert space.check([0.0, 0.0])
         numbers = snapshot.grid.numbers
         assert (snapshot.check_numbers(numbers.ravel()).free == ~TRUTH.ravel()).all()
-        with pytest.raises(ValueError, match="3 joint values a row; the grid has 2 joints"):
+        with pytest.raises(ValueError, match="a row of configurations has 3 joint values; the grid has 2 joints"):
             snapshot.check_many(np.zeros((4, 3)))
         for at in (space, snapshot):
             with pytest.raises(ValueError, match="q has 3 joint values; the grid has 2 joints"):
@@ -56,6 +56,15 @@ def test_verdicts_are_those_of_the_server(client):
         assert repr(snapshot.check_numbers(numbers.ravel())) == f"<Checks {free} of {TRUTH.size} free, scene 1>"
         assert repr(snapshot.check_motion([0.0, 0.0], [0.0, 0.0])) == "<MotionVerdict free>"
         assert repr(snapshot.check_motion([9.0, 0.0], [9.0, 0.0])).startswith("<MotionVerdict unknown: ")
+
+
+def test_numbers_without_a_state_are_unknown_because_they_are_not_in_the_map(client):
+    publish(client)
+    with silhouette.LocalSpace(client, max_age=600.0) as space:
+        snapshot = usable(space, 1)
+        checks = snapshot.check_numbers([0, 4095])
+        assert list(checks.states) == [State.FREE, State.UNKNOWN]
+        assert list(checks.reasons) == [Reason.UNSPECIFIED, Reason.NOT_IN_MAP]
 
 
 def test_closing_a_space_ends_the_wait_of_another_thread(client):
@@ -84,8 +93,6 @@ def test_everything_is_unknown_without_a_scene_and_after_its_end(client):
     for no_age in (0.0, float("nan")):
         with pytest.raises(ValueError, match="max_age"):
             silhouette.LocalSpace(client, max_age=no_age)
-    with pytest.raises(ValueError, match="timeout is not a number"):
-        client.with_timeout(float("nan"))
 
 
 def test_a_lost_server_is_unknown_and_no_exception(cell):

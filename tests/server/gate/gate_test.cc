@@ -97,6 +97,12 @@ struct GateTest : testing::Test {
   std::unique_ptr<Server> server;
 };
 
+// Of this moment.
+absl::Status PublishEmptyCell(const Client& client) {
+  const auto taken = client::RunningClock::now();
+  return client.PublishScene(RequestOf(EmptyCellScene()), taken).status();
+}
+
 // The kinds of calls that do not end with PermissionDenied.
 std::set<std::string> AllowedFor(const Client& client) {
   const std::vector<Configuration> path = {At(0, 0), At(1, 0)};
@@ -108,7 +114,7 @@ std::set<std::string> AllowedFor(const Client& client) {
       {"space", client.GetConfigurationSpace().status()},
       {"watch", watch.ok() ? watch->Next(absl::Seconds(5)).status() : watch.status()},
       {"explain", client.Explain(At(0, 0)).status()},
-      {"publish", client.PublishScene(RequestOf(EmptyCellScene())).status()},
+      {"publish", PublishEmptyCell(client)},
       {"allow", client.AllowRegion(region).status()},
       {"revoke", client.RevokeRegion("part").status()},
       {"variant", client.ChangeVariant("default").status()},
@@ -227,7 +233,7 @@ TEST_F(GateTest, ChangesAreRecordedWithTheNameOfWhoMadeThem) {
   Start(TlsGate());
   const Client publisher = ClientOf(TlsOf("publisher"));
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(publisher.PublishScene(RequestOf(EmptyCellScene())).ok());
+    ASSERT_TRUE(PublishEmptyCell(publisher).ok());
   }
   const Client on_duty = ClientOf(TlsOf("operator"));
   ASSERT_TRUE(on_duty.AllowRegion(RegionAt("part", 1, absl::Seconds(5), Block)).ok());
@@ -334,7 +340,7 @@ TEST_F(GateTest, RenewedCertificateIsUsedAndARunningWatchGoesOn) {
   CopyCertificates(renewed, folder);
   EXPECT_TRUE(Ask(TlsOf("planner", renewed)).ok());
   EXPECT_FALSE(ClientOf(TlsOf("operator")).GetDatabase().ok());
-  ASSERT_TRUE(publisher.PublishScene(RequestOf(EmptyCellScene())).ok());
+  ASSERT_TRUE(PublishEmptyCell(publisher).ok());
   const auto update = watch->Next(absl::Seconds(5));
   EXPECT_TRUE(update.ok()) << update.status();
 

@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string>
 #include <thread>
 
 #include "silhouette/messages.h"
@@ -181,21 +182,30 @@ TEST_F(SilhouetteWatch, LateAnswerIsUnknownWithItsReason) {
 
 TEST_F(SilhouetteWatch, EndsCleanlyWithCtrlC) {
   Publish(kNothing);
-  const std::string questions = cell_.shell().folder() / "questions";
-  ASSERT_EQ(mkfifo(questions.c_str(), 0600), 0);
-  // Open for reading, too: opening waits for nobody, and the program's input does not end.
-  const int asked = open(questions.c_str(), O_RDWR);
-  ASSERT_EQ(write(asked, "0,0\n", 4), 4);
-  const std::map<std::string, std::string> arguments = {
-      {"space.txt", "watch"},
-      {"path.txt", "watch 0,0 1,0"},
-      {"checks.txt", "check --stream <" + questions}};
+  const std::map<std::string, std::string> arguments = {{"space.txt", "watch"},
+                                                        {"path.txt", "watch 0,0 1,0"}};
   for (const auto& [output, what] : arguments) {
     const auto program = Start(what, output);
     ASSERT_TRUE(HasLines(output, 1)) << what;
     const std::string before = ContentOf(cell_.shell().folder() / output);
     EXPECT_EQ(program->End(SIGINT), 0) << what;
     EXPECT_EQ(ContentOf(cell_.shell().folder() / output), before) << what;
+  }
+}
+
+TEST_F(SilhouetteWatch, StreamedChecksThatASignalEndsAreStoppedAndNotAllFree) {
+  Publish(kNothing);
+  const std::string questions = cell_.shell().folder() / "questions";
+  ASSERT_EQ(mkfifo(questions.c_str(), 0600), 0);
+  // Open for reading, too: opening waits for nobody, and the program's input does not end.
+  const int asked = open(questions.c_str(), O_RDWR);
+  for (const int signal : {SIGINT, SIGTERM}) {
+    const std::string output = "checks" + std::to_string(signal) + ".txt";
+    ASSERT_EQ(write(asked, "0,0\n", 4), 4);
+    const auto program = Start("check --stream <" + questions, output);
+    ASSERT_TRUE(HasLines(output, 1));
+    EXPECT_EQ(program->End(signal), 130);
+    EXPECT_THAT(ContentOf(cell_.shell().folder() / output), MatchesRegex("0,0: free[^\n]*\n"));
   }
   close(asked);
 }
