@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "calib/robot/drawing/motion_check.h"
+#include "db/mask/interpolation.h"
 
 namespace silhouette {
 namespace {
@@ -125,6 +126,7 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
   PathDistance path;
   path.distance = path.at_start = At(waypoints.front(), space_.range());
   double left = horizon.value_or(std::numeric_limits<double>::infinity());
+  double last = path.at_start;  // at the place before, at least
   before_ = poses_;
   Configuration q = waypoints.front();
   for (size_t segment = 0; segment + 1 < waypoints.size(); ++segment) {
@@ -136,23 +138,23 @@ std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration
     const double movement = GreatestDisplacement(robot_, from, to);
     if (!std::isfinite(movement)) return std::nullopt;
     const double steps = std::max(1.0, std::ceil(movement / kStep));
-    const double slack = movement / steps / 2;
-    for (double step = 0; step <= steps && path.distance > 0; ++step) {
+    const double moved = movement / steps;
+    for (double step = 1; step <= steps && path.distance > 0; ++step) {
       if (left <= 0) return path;
       if (Stopped(stop)) return std::nullopt;
-      const double fraction = step / steps;
-      for (size_t joint = 0; joint < q.size(); ++joint) {
-        q[joint] = from[joint] + fraction * (to[joint] - from[joint]);
-      }
-      const double matters = path.distance + slack;
-      const double at = At(q, std::min(matters, space_.range()));
+      Interpolate(from, to, step / steps, q);
+      // Farther than this it changes nothing: at the place before it was path.distance or more.
+      const double at = At(q, std::min(path.distance + moved, space_.range()));
       if (std::isfinite(left)) left -= DisplacementBetween(robot_, before_, poses_);
       before_.swap(poses_);
-      const double distance = std::max(0.0, at - slack);
-      if (at >= matters || distance >= path.distance) continue;
-      path.distance = distance;
-      path.segment = static_cast<int>(segment);
-      path.fraction = fraction;
+      // Between the two it falls by no more than it can rise again on the rest of the way.
+      const double between = std::max(0.0, std::min({last, at, (last + at - moved) / 2}));
+      if (between < path.distance) {
+        path.distance = between;
+        path.segment = static_cast<int>(segment);
+        path.fraction = (at <= last ? step : step - 1) / steps;
+      }
+      last = at;
     }
   }
   path.whole = true;

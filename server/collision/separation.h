@@ -109,10 +109,10 @@ class SeparationMeter {
       : robot_(robot), space_(space) {}
 
   // Along straight lines between waypoints, of which there is at least one, until the robot's
-  // fastest point has moved `horizon` metres on them, and up to kStep on; nothing: all. Between the
-  // places that are looked at no point of the robot moves farther than kStep; half of that is
-  // subtracted.
-  // Nothing if `stop`, which is asked at every place, says so, or a value is not finite.
+  // fastest point has moved `horizon` metres on them, and up to kStep on; nothing: all. From one
+  // place that is looked at to the next no point of the robot moves farther than kStep. In between,
+  // half of the sum of both distances less this step is taken for the distance, if that is less
+  // than both. Nothing if `stop`, which is asked at every place, says so, or a value is not finite.
   static constexpr double kStep = 0.02;
   std::optional<PathDistance> Along(std::span<const Configuration> waypoints,
                                     std::optional<double> horizon, const Stop& stop = nullptr);

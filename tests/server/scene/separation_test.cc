@@ -7,6 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "db/mask/interpolation.h"
+#include "server/collision/separation.h"
 #include "tests/server/scene/drawn_scene.h"
 
 namespace silhouette {
@@ -110,6 +112,39 @@ TEST_F(SeparationTest, NoTrueDistanceOnAPathIsLess) {
   }
   RecordProperty("share_of_true_distance_in_percent", static_cast<int>(100 * told / in_truth));
   EXPECT_GT(told, 0.7 * in_truth);
+}
+
+// As it tells the distance at single places, a millimetre apart.
+TEST_F(SeparationTest, DistanceOnAPathIsNoMoreThanAtAnyPlaceAndACentimetreLessAtMost) {
+  constexpr double kHalfStep = SeparationMeter::kStep / 2;
+  int nearest_between = 0;
+  int nearest_at_the_end = 0;
+  for (int scene = 0; scene < SampleCount(20); ++scene) {
+    const Configuration now = Any();
+    const Checker checker = CheckerOf(InputOf(now, SomebodyNear(now)), kSound);
+    for (int i = 0; i < 10; ++i) {
+      const std::vector<Configuration> path = {Any(), Any()};
+      const double told = checker.Distance(path, {}).value().distance;
+      double least = std::numeric_limits<double>::infinity();
+      double at_an_end = 0;
+      constexpr int kPlaces = 2000;
+      for (int place = 0; place <= kPlaces; ++place) {
+        const std::vector<Configuration> at = {
+            Interpolated(path[0], path[1], place / double{kPlaces})};
+        const double distance = checker.Distance(at, {}).value().distance;
+        least = std::min(least, distance);
+        if (place == 0) at_an_end = distance;
+        if (place == kPlaces) at_an_end = std::min(at_an_end, distance);
+      }
+      EXPECT_LE(told, least + 1e-9) << "scene " << scene;
+      EXPECT_GE(told, std::max(0.0, least - kHalfStep) - 1e-9) << "scene " << scene;
+      if (least == 0 || least >= database->separation()->range()) continue;
+      if (least < at_an_end) ++nearest_between;
+      if (told >= at_an_end - 1e-9) ++nearest_at_the_end;
+    }
+  }
+  EXPECT_GT(nearest_between, 0) << "no path tells";
+  EXPECT_GT(nearest_at_the_end, 0) << "no path tells";
 }
 
 TEST_F(SeparationTest, WhoeverAsksFirstDecidesNoDistanceOfAnother) {
