@@ -120,6 +120,10 @@ void TakeTilesOfDatabase(Cell& cell) {
 
 }  // namespace
 
+bool StatesAGrid(const Cell& cell) {
+  return !cell.robot.drawn || (cell.grid_move > 0 && !cell.grid.has_any());
+}
+
 bool HasSources(const Cell& cell) {
   for (const ViewSettings& view : cell.views) {
     if (HasImages(view.source)) return true;

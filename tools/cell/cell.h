@@ -119,6 +119,10 @@ struct Cell {
 // not empty. If it is there already, and of such a grid, the grid's tiles are those that it has.
 absl::StatusOr<Cell> LoadCell(const std::string& path, const std::string& database = "");
 
+// Whether the file states a grid of all joints that move. If not, the cell's grid has little but
+// the joints' limits, where no robot is to be driven or captured.
+bool StatesAGrid(const Cell& cell);
+
 // Whether any view has camera images; otherwise all masks come from elsewhere.
 bool HasSources(const Cell& cell);
 

@@ -217,6 +217,12 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   std::optional<Travel> travel;
   CellDevices devices;
   if (options.with_robot) {
+    if (!StatesAGrid(file.cell)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(arguments.cell,
+                       ": without a grid of all joints that move --with-robot would drive them to "
+                       "their limits; state one, or take the robot out of all views"));
+    }
     travel.emplace(file.cell.grid, file.cell.capture.forbidden_regions);
     ASSIGN_OR_RETURN(devices, OpenDevices(file.cell, *travel, schema::kDefaultVariant));
   } else {

@@ -151,6 +151,15 @@ TEST_F(DrawProgram, SaysInOneSentenceWhatIsMissing) {
   refused("states no grid");
 }
 
+TEST_F(DrawProgram, WithoutAGridNoReferenceImagesAreTakenWithARobotDrivenToItsLimits) {
+  cell_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
+                   {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", ""}});
+  const Outcome outcome = cell_.Run(cell_.Arguments("reference", {"--with-robot"}));
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("to their limits; state one"));
+  EXPECT_FALSE(std::filesystem::exists(cell_.database()));
+}
+
 TEST_F(DrawProgram, WithoutCameraModelsTheNextStepIsTheirImport) {
   const std::string next =
       "next: silhouette-db calibration import " + base() + " CAMERAS --cell " + cell_.cell() + "\n";
