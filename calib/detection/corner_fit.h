@@ -52,7 +52,6 @@ class Edge {
 
   double length() const { return 2 * half_; }
   const Eigen::Vector2d& middle() const { return middle_; }
-  const Eigen::Vector2d& tangent() const { return tangent_; }
   Eigen::Vector2d normal() const { return {-tangent_.y(), tangent_.x()}; }
   double blur() const { return blur_; }  // standard deviation of its blur, with a pixel's own width
   double contrast() const { return contrast_; }  // grey levels from one side to the other

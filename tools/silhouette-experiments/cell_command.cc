@@ -135,7 +135,8 @@ absl::StatusOr<Side> Serve(const CellArguments& arguments, const SimulatedWorkpl
                            bool calibrated) {
   ASSIGN_OR_RETURN(const auto served, workplace.Serve(database, settings));
   if (!served->margins_known().ok()) return served->margins_known();
-  ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, arguments.min_views, *served));
+  ASSIGN_OR_RETURN(auto policies, PoliciesFor(arguments.presets, arguments.min_views,
+                                              workplace.cell().policy, *served));
   std::erase_if(policies, [&](const Policy& policy) {
     return calibrated && !IsCalibrated(policy.preset) && !IsSound(policy.preset);
   });
@@ -256,6 +257,23 @@ void SayHowManyWereFound(const std::string& kind, size_t found, int wanted) {
             << std::endl;
 }
 
+absl::StatusOr<ExitCode> Leave(const CellArguments& arguments, const TrialSetting& setting) {
+  Progress progress("leave", static_cast<uint64_t>(arguments.leave), "scenes");
+  ASSIGN_OR_RETURN(const LeaveResult result, RunLeave(setting, arguments.leave, [&](int done) {
+                     progress.Update(static_cast<uint64_t>(done));
+                     return !StopRequested();
+                   }));
+  progress.Update(static_cast<uint64_t>(arguments.leave));
+  SayHowManyWereFound("leave", static_cast<size_t>(result.found), arguments.leave);
+  if (result.unusable > 0) {
+    std::cerr << "leave: on " << result.unusable << " of them no verdict can be made; they are in "
+              << "no row" << std::endl;
+  }
+  PrintResult(arguments.format, JsonOf(result.rows),
+              absl::StrCat(TextOf(result.rows), "\nseed ", arguments.seed, "\n"));
+  return kDone;
+}
+
 // All scenes with one calibration. `prefix`: of the experiments' names in files. Adds what came of
 // them to `done`. The rows.
 absl::StatusOr<std::vector<Row>> RunAll(const CellArguments& arguments, const TrialSetting& setting,
@@ -324,12 +342,7 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
     other = std::move(side);
   }
   ASSIGN_OR_RETURN(const auto truth, Serve(arguments, workplace, database, usual, false));
-  if (arguments.leave > 0) {
-    ASSIGN_OR_RETURN(const auto rows, RunLeave(*truth.setting, arguments.leave));
-    PrintResult(arguments.format, JsonOf(rows),
-                absl::StrCat(TextOf(rows), "\nseed ", arguments.seed, "\n"));
-    return kDone;
-  }
+  if (arguments.leave > 0) return Leave(arguments, *truth.setting);
   const std::vector<RandomScene> hidden = HiddenScenes(workplace, arguments);
   const NamedScenes near = NearScenes(workplace, arguments);
   if (StopRequested()) return Stopped();
@@ -367,9 +380,24 @@ absl::StatusOr<ExitCode> Test(const CellArguments& arguments, const SimulatedWor
   return kDone;
 }
 
+// Before the capture, which may take long. InvalidArgument: what the arguments ask for cannot be
+// served.
+absl::Status CheckChoice(const CellArguments& arguments, const Cell& cell) {
+  RETURN_IF_ERROR(CheckMinViews(arguments.min_views, static_cast<int>(cell.views.size())));
+  if (cell.sound || arguments.serve.least_obstacle) return absl::OkStatus();
+  for (const std::string& preset : arguments.presets) {
+    if (!IsSound(*PresetFromName(preset))) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("the preset '", preset, "' needs a least obstacle; give --least-obstacle, or ",
+                     "put 'sound' into '", arguments.cell, "'"));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<ExitCode> CellMeasure(const CellArguments& arguments) {
   ASSIGN_OR_RETURN(const auto workplace,
                    SimulatedWorkplace::Load(arguments.cell, arguments.database));
+  RETURN_IF_ERROR(CheckChoice(arguments, workplace.cell()));
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto database, OpenDatabase(arguments, workplace));
   return Test(arguments, workplace, *database);
@@ -423,44 +451,51 @@ void AddCellCommand(CLI::App& program, Run& run) {
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str()
       ->needs(images);
-  command->add_option("--scenes", arguments->scenes, "Random scenes")
-      ->check(count)
-      ->capture_default_str();
-  command
-      ->add_option("--hidden", arguments->hidden,
-                   "Scenes with a ball of the least obstacle's size where the robot hides it from\n"
-                   "all views; each is tested again without the ball (experiment 'empty')")
-      ->check(count)
-      ->capture_default_str();
-  command
-      ->add_option(
-          "--near", arguments->near,
-          "Scenes with a ball or a forearm of 3 to 6 cm radius, 1 to 12 cm from the robot:\n"
-          "a table for each size and distance. The robot touches nothing where it stands.\n"
-          "Each is tested again with nothing but the robot (experiment 'near-empty')")
-      ->check(count)
-      ->capture_default_str();
-  command
-      ->add_option("--leave", arguments->leave,
-                   "In place of all others: scenes with a person 5 to 30 cm from the robot;\n"
-                   "'locked' counts those in which no step of the robot is free")
-      ->check(count)
-      ->capture_default_str();
-  command
-      ->add_option("--off-grid", arguments->off_grid,
-                   "Test configurations between grid points, per scene; on the grid all are "
-                   "tested")
-      ->check(count)
-      ->capture_default_str();
+  CLI::Option* scenes = command->add_option("--scenes", arguments->scenes, "Random scenes")
+                            ->check(count)
+                            ->capture_default_str();
+  CLI::Option* hidden =
+      command
+          ->add_option(
+              "--hidden", arguments->hidden,
+              "Scenes with a ball of the least obstacle's size where the robot hides it from\n"
+              "all views; each is tested again without the ball (experiment 'empty')")
+          ->check(count)
+          ->capture_default_str();
+  CLI::Option* near =
+      command
+          ->add_option(
+              "--near", arguments->near,
+              "Scenes with a ball or a forearm of 3 to 6 cm radius, 1 to 12 cm from the robot:\n"
+              "a table for each size and distance. The robot touches nothing where it stands.\n"
+              "Each is tested again with nothing but the robot (experiment 'near-empty')")
+          ->check(count)
+          ->capture_default_str();
+  CLI::Option* leave =
+      command
+          ->add_option("--leave", arguments->leave,
+                       "In place of all others: scenes with a person 5 to 30 cm from the robot;\n"
+                       "'locked' counts those in which no step of the robot is free")
+          ->check(count)
+          ->capture_default_str();
+  CLI::Option* off_grid =
+      command
+          ->add_option("--off-grid", arguments->off_grid,
+                       "Test configurations between grid points, per scene; on the grid all are "
+                       "tested")
+          ->check(count)
+          ->capture_default_str();
   std::vector<std::string> presets;
   for (const Preset preset : AllPresets()) presets.push_back(NameOf(preset));
   command->add_option("--presets", arguments->presets, "Only these presets; default: all")
       ->check(CLI::IsMember(presets))
       ->delimiter(',');
   command
-      ->add_option("--min-views", arguments->min_views,
-                   "How many views must show an obstacle, one or several numbers; default: as the\n"
-                   "preset has it. Not for the sound presets, which ask all views")
+      ->add_option(
+          "--min-views", arguments->min_views,
+          "How many views must show an obstacle, one or several numbers; default: all, and\n"
+          "as many as the server asks for 'uncalibrated' in this cell. Not for the sound\n"
+          "presets, which ask all views")
       ->delimiter(',');
   command
       ->add_option("--margin", arguments->serve.margin,
@@ -469,17 +504,23 @@ void AddCellCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--least-obstacle", arguments->serve.least_obstacle,
                    "Radius in metres of the least obstacle, for the sound presets; default: the\n"
-                   "cell's own, and without one there are no sound presets")
+                   "cell's own, and without one there are no sound presets. If the cell states no\n"
+                   "'sound', the robot's model is taken for all there is of the robot")
       ->check(PositiveNumber());
   command->add_option("--seed", arguments->seed, "Seed of the random scenes")
       ->capture_default_str();
-  command->add_option("--out", arguments->out, "Folder for tables and pictures");
-  command
-      ->add_option("--pictures", arguments->pictures,
-                   "Missing configurations of each experiment that get a picture, from the\n"
-                   "worst scenes first")
-      ->check(count)
-      ->capture_default_str();
+  CLI::Option* out = command->add_option("--out", arguments->out, "Folder for tables and pictures");
+  CLI::Option* pictures =
+      command
+          ->add_option("--pictures", arguments->pictures,
+                       "Missing configurations of each experiment that get a picture, from the\n"
+                       "worst scenes first")
+          ->check(count)
+          ->capture_default_str();
+  // What --leave has no part of.
+  for (CLI::Option* other : {scenes, hidden, near, off_grid, calibration, images, out, pictures}) {
+    leave->excludes(other);
+  }
   AddFormatOption(*command, arguments->format);
   RunWhenChosen(*command, run, arguments, cell_experiment::CellMeasure);
 }

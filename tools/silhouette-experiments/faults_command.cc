@@ -76,11 +76,13 @@ nlohmann::ordered_json FaultsJsonOf(const WatchResult& result) {
 
 absl::StatusOr<ExitCode> RunFaults(const FaultsArguments& arguments) {
   ASSIGN_OR_RETURN(const auto workplace, cell_experiment::SimulatedWorkplace::Load(arguments.cell));
+  RETURN_IF_ERROR(cell_experiment::CheckGridIsStated(workplace.cell()));
   CatchStopSignals();
   Progress progress("scenes", static_cast<uint64_t>(ScenesOf(arguments.watch)), "scenes");
   const WatchResult result = Watch(workplace, arguments.watch, StopRequested,
                                    [&](int done) { progress.Update(static_cast<uint64_t>(done)); });
   PrintResult(arguments.format, FaultsJsonOf(result), FaultsTextOf(result));
+  if (StopRequested()) return absl::AbortedError("stopped; the result is of the scenes until then");
   return kDone;
 }
 

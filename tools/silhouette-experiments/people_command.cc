@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "calib/robot/drawn_digest.h"
 #include "common/picture/files.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
@@ -42,6 +43,10 @@ struct PeopleArguments {
 absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServePeople(
     const SimulatedWorkplace& workplace, const PeopleArguments& arguments) {
   const bool drawn = arguments.images == "drawn";
+  if (!drawn) {
+    RETURN_IF_ERROR(
+        cell_experiment::CheckGridIsStated(workplace.cell(), ", or give --images drawn"));
+  }
   const std::string& path = arguments.database;
   std::optional<Progress> progress;
   CaptureObserver observer;
@@ -107,13 +112,14 @@ absl::StatusOr<std::vector<EpisodeResult>> Film(const Stage& stage, const Study&
 
 // Study::basis.
 absl::StatusOr<std::string> BasisOf(const SimulatedWorkplace& workplace,
-                                    const PeopleArguments& arguments, uint64_t generation) {
+                                    const PeopleArguments& arguments, const Stage& stage) {
   const Cell& cell = workplace.cell();
   ASSIGN_OR_RETURN(std::string files, ReadWholeFile(cell.file));
   ASSIGN_OR_RETURN(const std::string simulation, ReadWholeFile(cell.simulation));
   files += simulation;
+  files += DigestOf(stage.robot());
   return absl::StrFormat("%s %s %d, least obstacle %.17g m, cell files %016x", cell.name,
-                         arguments.images, generation,
+                         arguments.images, stage.database()->generation(),
                          cell.sound ? cell.sound->least_obstacle : arguments.least_obstacle,
                          XXH3_64bits(files.data(), files.size()));
 }
@@ -127,7 +133,7 @@ absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   ASSIGN_OR_RETURN(const auto database, ServePeople(workplace, arguments));
   ASSIGN_OR_RETURN(const auto methods, MethodsOf(arguments.methods, *database));
   ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database));
-  ASSIGN_OR_RETURN(const std::string basis, BasisOf(workplace, arguments, database->generation()));
+  ASSIGN_OR_RETURN(const std::string basis, BasisOf(workplace, arguments, stage));
   Study study{.episode = arguments.episode,
               .episodes = arguments.episodes,
               .methods = methods,
@@ -184,8 +190,10 @@ void AddPeopleCommand(CLI::App& program, Run& run) {
   command->add_option("--video", arguments->video,
                       "Film one rendered episode of one method into this file, .mp4 or .avi");
   command
-      ->add_option("--least-obstacle", arguments->least_obstacle,
-                   "Radius for the sound presets and distances, if the cell does not state it, m")
+      ->add_option(
+          "--least-obstacle", arguments->least_obstacle,
+          "Radius for the sound presets and distances, m, if the cell states no 'sound'; the\n"
+          "robot's model is then taken for all there is of the robot")
       ->check(PositiveNumber())
       ->capture_default_str();
   command
@@ -201,6 +209,7 @@ void AddPeopleCommand(CLI::App& program, Run& run) {
   command
       ->add_option("--methods", arguments->methods,
                    "Which, separated by commas; without it all that the cell can have")
+      ->check(CLI::IsMember(people_experiment::MethodNames()))
       ->delimiter(',');
   command->add_flag("--people-stop", arguments->episode.people_stop,
                     "People stand still rather than step towards the robot within 15 cm of it");

@@ -52,6 +52,16 @@ uint64_t ExpectedSets(size_t candidates, int count) {
   return sets;
 }
 
+// Where configurations are sampled: the cell's grid, or a fine one within the joints' limits if its
+// file states none.
+ConfigurationGrid GridToSample(const Cell& cell) {
+  constexpr int kSteps = 32;
+  if (StatesAGrid(cell)) return cell.grid;
+  std::vector<GridJoint> joints(cell.grid.joints().begin(), cell.grid.joints().end());
+  for (GridJoint& joint : joints) joint.steps = joint.lower < joint.upper ? kSteps : 1;
+  return ConfigurationGrid(std::move(joints));
+}
+
 absl::StatusOr<Trials> MakeTrials(const Cell& cell, const RobotModel& robot, const Places& places) {
   std::vector<std::string> names;
   for (const GridJoint& joint : cell.grid.joints()) names.push_back(joint.name);
@@ -63,12 +73,13 @@ absl::StatusOr<Trials> MakeTrials(const Cell& cell, const RobotModel& robot, con
   };
   std::mutex mutex;
   std::unique_ptr<Progress> progress;
-  return Trials::Make(robot, cell.grid, positions_at, places, [&](uint64_t done, uint64_t total) {
+  const auto on_progress = [&](uint64_t done, uint64_t total) {
     const std::lock_guard lock(mutex);
     if (progress == nullptr) progress = std::make_unique<Progress>("drawing", total, "pictures");
     progress->Update(done);
     return !StopRequested();
-  });
+  };
+  return Trials::Make(robot, GridToSample(cell), positions_at, places, on_progress);
 }
 
 absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
@@ -106,6 +117,10 @@ absl::StatusOr<Result> Choose(const PlacementArguments& arguments) {
   result.selections =
       Select(static_cast<int>(result.usable.size()), count, evaluate, StopRequested);
   if (StopRequested()) return absl::AbortedError("stopped; start it again to have a result");
+  for (Selection& selection : result.selections) {
+    selection.measures =
+        trials.MeasuresOf(selection.cameras, result.policy, Trials::Scenes::kFresh);
+  }
   return result;
 }
 
@@ -145,7 +160,7 @@ std::string PlacementTextOf(const Result& result) {
   const Measures& any = result.selections.back().measures;
   std::string text = absl::StrFormat(
       "%d places; in %d of them the robot is not whole in the image (they are left out)\n"
-      "%d scenes, %d configurations each; %.2f %% really occupied; preset %s\n\n"
+      "%d fresh scenes, %d configurations each; %.2f %% really occupied; preset %s\n\n"
       "cameras  missing %%  additional %%  places\n",
       result.places.candidates.size(), result.unusable(), result.places.samples.scenes,
       any.tested / result.places.samples.scenes, Percent(any.occupied, any.tested),
@@ -202,7 +217,9 @@ void AddPlacementCommand(CLI::App& program, Run& run) {
   command->add_option("--places", arguments->places, "The places' file, places.yaml")->required();
   command->add_option("--cameras", arguments->cameras, "How many; default: what the file says")
       ->check(CLI::Range(1, 8));
-  command->add_option("--preset", arguments->preset, "Whose verdicts are judged")
+  command
+      ->add_option("--preset", arguments->preset,
+                   "Whose verdicts are judged; the sound presets cannot be")
       ->check(CLI::IsMember({"uncalibrated", "paper", "calibrated", "paper-calibrated"}))
       ->capture_default_str();
   command->add_option("--out", arguments->out,
@@ -210,7 +227,8 @@ void AddPlacementCommand(CLI::App& program, Run& run) {
   AddFormatOption(*command, arguments->format);
   command->footer(
       "Obstacles, configurations and the robot's present one are sampled; the truth is exact\n"
-      "contact; the images are silhouettes without noise or lens distortion.\n\n"
+      "contact; the images are silhouettes without noise or lens distortion. The figures are of\n"
+      "fresh scenes, as many as those by which the cameras are chosen.\n\n"
       "Example:\n"
       "  silhouette-experiments placement --cell cell.yaml --places places.yaml --out out");
   RunWhenChosen(*command, run, arguments, RunPlacement);

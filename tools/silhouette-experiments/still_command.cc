@@ -84,31 +84,51 @@ class Watcher {
       }
     }
     const std::lock_guard lock(mutex_);
-    Note(bits, unknown);
+    Note(bits, unknown, *scene);
     done_.notify_all();
     return scene;
   }
 
-  // Until all scenes came; false: a stop was asked for.
-  bool Wait(const std::function<void(uint64_t)>& progress) {
+  // Until all scenes came. Aborted: a stop was asked for. FailedPrecondition, with the defects of
+  // the newest scene: in kMostUnknown scenes in a row a verdict is unknown.
+  absl::Status Wait(const std::function<void(uint64_t)>& progress) {
     constexpr std::chrono::milliseconds kMoment(200);
     std::unique_lock lock(mutex_);
-    while (!Enough() && !StopRequested()) {
+    while (!Enough() && unknown_in_a_row_ < kMostUnknown && !StopRequested()) {
       done_.wait_for(lock, kMoment);
       progress(row_.occupied.size());
     }
-    return Enough();
+    if (Enough()) return absl::OkStatus();
+    if (unknown_in_a_row_ < kMostUnknown) {
+      return absl::AbortedError("stopped; start it again to have a result");
+    }
+    return absl::FailedPreconditionError(
+        absl::StrCat("in each of ", kMostUnknown, " scenes a verdict is unknown", defects_));
   }
 
  private:
+  static constexpr int kMostUnknown = 100;
+
   bool Enough() const { return std::ssize(row_.occupied) >= scenes_; }
 
-  void Note(const OccupiedBits& bits, uint64_t unknown) {
+  void Note(const OccupiedBits& bits, uint64_t unknown, const Scene& scene) {
     if (Enough()) return;
     if (unknown > 0) {
       ++row_.unknown_scenes;
+      ++unknown_in_a_row_;
+      defects_.clear();
+      for (const SceneDefect& defect : scene.defects) {
+        absl::StrAppend(&defects_, defects_.empty() ? ": " : "; ", defect.message);
+      }
+      if (defects_.empty()) {
+        defects_ =
+            absl::StrCat(": ", unknown,
+                         " configurations of a scene without defects; see what 'silhouette-db "
+                         "verify' and 'silhouette-capture status' say of their robot images");
+      }
       return;
     }
+    unknown_in_a_row_ = 0;
     int64_t occupied = 0;
     int64_t changed = 0;
     for (size_t i = 0; i < bits.size(); ++i) {
@@ -127,7 +147,11 @@ class Watcher {
   std::condition_variable done_;
   StillRow& row_;
   OccupiedBits before_;
+  int unknown_in_a_row_ = 0;
+  std::string defects_;  // of the newest of these scenes
 };
+
+const Eigen::Vector2d kPersonAt(0.9, 0.75);
 
 // A person who stands beside the robot.
 Obstacle StillPerson(double floor) {
@@ -136,7 +160,8 @@ Obstacle StillPerson(double floor) {
   Obstacle person;
   person.name = "person";
   person.mesh = CapsuleMesh(kRadius, kHeight - 2 * kRadius);
-  person.world_from_obstacle.translation() = Eigen::Vector3d(0.9, 0.75, floor + kHeight / 2);
+  person.world_from_obstacle.translation() =
+      Eigen::Vector3d(kPersonAt.x(), kPersonAt.y(), floor + kHeight / 2);
   person.brightness = 0.5;
   return person;
 }
@@ -157,7 +182,11 @@ absl::StatusOr<std::vector<StillPlace>> StillPlaces(const SimulatedWorkplace& wo
   for (int i = 0; std::ssize(robots) < arguments.robots; ++i) {
     if (i == kTriesForEach * arguments.robots) {
       return absl::InvalidArgumentError(
-          "the robot touches what stands in the cell nearly everywhere; take away obstacles");
+          things.empty()
+              ? absl::StrFormat("the robot touches the person at x = %.2f m, y = %.2f m nearly "
+                                "everywhere; take a cell whose robot can keep away from there",
+                                kPersonAt.x(), kPersonAt.y())
+              : "the robot touches what stands in the cell nearly everywhere; take away obstacles");
     }
     const Configuration q = i == 0 ? grid.At(0)
                                    : cell_experiment::RandomConfiguration(
@@ -212,9 +241,7 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
           {.database = [&] { return database; },
            .publish = [&](Scene scene, const auto&) { return watcher.Take(std::move(scene)); }},
           record));
-  if (!watcher.Wait([&](uint64_t done) { progress.Update(done); })) {
-    return absl::AbortedError("stopped; start it again to have a result");
-  }
+  RETURN_IF_ERROR(watcher.Wait([&](uint64_t done) { progress.Update(done); }));
   return row;
 }
 

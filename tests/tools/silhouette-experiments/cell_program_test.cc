@@ -103,7 +103,7 @@ TEST_F(CellExperimentProgram, MoreViewsThatMustShowAnObstacleBlockLessAndMissMor
 
   const Outcome beyond = Run(options + "--min-views 3");
   EXPECT_EQ(beyond.exit_code, 2);
-  EXPECT_THAT(beyond.err, HasSubstr("min_views is 3, and the database has 2 views"));
+  EXPECT_THAT(beyond.err, HasSubstr("min_views is 3, and the cell has 2 views"));
 }
 
 TEST_F(CellExperimentProgram,
@@ -177,6 +177,23 @@ TEST_F(CellExperimentProgram, DrawnRobotImagesAreComparedWithCapturedOnesOnTheSa
   EXPECT_FALSE(ReadText(files_ / "out/drawn-random-scenes.csv").empty());
   EXPECT_THAT(Run("--scenes 1 --hidden 0 --pictures 0 --images drawn").out,
               HasSubstr("robot images' pixels the drawn ones lack"));
+}
+
+TEST_F(CellExperimentProgram, WhatCannotBeServedIsRefusedBeforeTheCapture) {
+  const auto expect_refused = [&](const std::string& options, const std::string& message) {
+    const Outcome outcome = Run(options);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_THAT(outcome.err, HasSubstr(message));
+    EXPECT_FALSE(std::filesystem::exists(files_.database())) << options;
+  };
+  expect_refused("--min-views 3", "min_views is 3");
+  expect_refused("--presets sound", "--least-obstacle");
+  for (const char* other : {"--out o", "--scenes 1", "--hidden 1", "--near 1", "--images drawn"}) {
+    expect_refused(absl::StrCat("--leave 3 ", other), "--leave");
+  }
+  files_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
+                    {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", ""}});
+  expect_refused("", "states no grid");
 }
 
 TEST_F(CellExperimentProgram, MistakesAreOneSentenceAndExitCodeTwo) {

@@ -52,6 +52,18 @@ TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleAndCellFile) {
   expect_refused(0.5);
 }
 
+TEST_F(PeopleProgram, CornersOfTheLimitsAreNotCapturedAndMisspeltMethodsAreRefusedAtOnce) {
+  const auto expect_refused = [&](const std::string& options, const std::string& message) {
+    EXPECT_EQ(Run(options), 2) << options;
+    EXPECT_NE(ReadText(files_ / "e").find(message), std::string::npos) << ReadText(files_ / "e");
+    EXPECT_FALSE(std::filesystem::exists(files_.database())) << options;
+  };
+  expect_refused("--methods silhoutte", "silhoutte");
+  files_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
+                    {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", ""}});
+  expect_refused("", "give --images drawn");
+}
+
 TEST_F(PeopleProgram, SaysWhatAVideoNeeds) {
   const std::string one = "--episodes 1 --methods uncalibrated --video ";
   for (const auto& [arguments, mend] :

@@ -28,11 +28,12 @@ samples: {configurations: 30, scenes: 4, seed: 7}
 
 class PlacementProgram : public testing::Test {
  protected:
-  Ended Run(const std::string& places, const std::string& more = "") {
+  Ended Run(const std::string& places, const std::string& more = "",
+            const std::string& cell = "demo") {
     WriteFile(shell_.folder() / "places.yaml", places);
     return shell_.Run(ProgramFolder() + "/silhouette-experiments placement --cell " +
-                      SourceFolder() + "/capture/sim/cells/demo/cell.yaml --places places.yaml " +
-                      more);
+                      SourceFolder() + "/capture/sim/cells/" + cell +
+                      "/cell.yaml --places places.yaml " + more);
   }
 
   void ExpectMistake(const std::string& places, const std::string& message) {
@@ -74,6 +75,17 @@ TEST_F(PlacementProgram, ChoosesDrawsAndTellsScripts) {
   const Ended text = Run(kPlaces, "--cameras 1 --preset uncalibrated");
   EXPECT_EQ(text.exit_code, 0);
   EXPECT_THAT(text.out, HasSubstr("cameras  missing %  additional %  places"));
+}
+
+TEST_F(PlacementProgram, WhereTheCellStatesNoGridConfigurationsAreAnywhereWithinTheLimits) {
+  const Ended ended =
+      Run("mask_size: [32, 32]\nfield_of_view: 60 deg\ncameras: 1\nlook_at: [0, 0, 0.8]\n"
+          "places: [{name: front, position: [7, 0, 1]}]\n"
+          "samples: {configurations: 100, scenes: 2, seed: 7}\n",
+          "--format json", "six_axes");
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(nlohmann::json::parse(ended.out)["selections"][0]["tested"], 200)
+      << "more than the limits' 64 corners";
 }
 
 TEST_F(PlacementProgram, MistakesInTheFileAreOneSentenceWithItsPlace) {

@@ -12,12 +12,17 @@
 namespace silhouette {
 namespace {
 
-nlohmann::json StillRows(const ProgramCell& files, const std::string& options) {
+// Its status; output goes to the files o and e.
+int RunStill(const ProgramCell& files, const std::string& options) {
   const std::string line =
       absl::StrCat("'", ProgramFolder(), "/silhouette-experiments' still --cell '", files.cell(),
                    "' --database '", files.database(), "' --format json ", options, " >'",
                    files / "o", "' 2>'", files / "e", "'");
-  EXPECT_EQ(std::system(line.c_str()), 0) << ReadText(files / "e");
+  return std::system(line.c_str());
+}
+
+nlohmann::json StillRows(const ProgramCell& files, const std::string& options) {
+  EXPECT_EQ(RunStill(files, options), 0) << ReadText(files / "e");
   return nlohmann::json::parse(ReadText(files / "o"), nullptr, /*allow_exceptions=*/false);
 }
 
@@ -57,6 +62,16 @@ TEST(StillExperimentProgram, WithoutNoiseNoVerdictChanges) {
     EXPECT_EQ(rows[robot]["robot"], rows[robot + 2]["robot"]);
     EXPECT_LT(rows[robot]["median_occupied"], rows[robot + 2]["median_occupied"]) << "a person";
   }
+}
+
+TEST(StillExperimentProgram, EndsWithTheDefectsIfNoSceneHasVerdicts) {
+  ProgramCell files;
+  files.WriteCell(
+      {{"capture:\n", "server: {view_check: {least_gain: 1.5, greatest_gain: 2}}\ncapture:\n"}});
+  EXPECT_EQ(WEXITSTATUS(RunStill(files, "--scenes 5 --robots 1")), 2);
+  const std::string error = ReadText(files / "e");
+  EXPECT_NE(error.find("in each of 100 scenes a verdict is unknown: "), std::string::npos) << error;
+  EXPECT_NE(error.find("as bright as its reference"), std::string::npos) << error;
 }
 
 }  // namespace

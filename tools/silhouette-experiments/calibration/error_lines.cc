@@ -90,6 +90,7 @@ absl::Status MeasureLensLine(const ErrorLine& line, uint64_t seed, bool others,
     cameras.push_back({.name = camera.view, .width = lens.width, .height = lens.height});
   }
   ++result.runs;
+  result.most_refused = line.most_refused;
   const auto solution = SolveLenses(cameras, {board}, frames.sightings);
   if (!solution.ok()) {
     return IsRefusal(solution.status(), result) ? absl::OkStatus() : solution.status();
@@ -123,6 +124,7 @@ absl::Status MeasurePoseLine(const ErrorLine& line, uint64_t seed, LineResult& r
   const Rig rig = DrawRig(seed);
   const PoseProblem problem = DrawFlangeSession(rig, FlangeBoard(), line, seed);
   ++result.runs;
+  result.most_refused = line.most_refused;
   const auto solution = CalibratePoses(problem);
   if (!solution.ok()) {
     return IsRefusal(solution.status(), result) ? absl::OkStatus() : solution.status();
@@ -147,7 +149,8 @@ double WorseThanOthers(const LineResult& result) {
 bool MeetsGoals(const LineResult& result) {
   const double chi2 = result.predicted.PerFreedom();
   const bool compared = result.others.count() > 0 || result.others_failed == 0;
-  return compared && WorseThanOthers(result) <= 0.02 && chi2 >= 0.7 && chi2 <= 1.4;
+  const bool answered = result.refused <= result.most_refused * result.runs;
+  return answered && compared && WorseThanOthers(result) <= 0.02 && chi2 >= 0.7 && chi2 <= 1.4;
 }
 
 }  // namespace silhouette::calibration_experiment

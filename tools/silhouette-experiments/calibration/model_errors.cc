@@ -75,7 +75,11 @@ const std::vector<ErrorLine>& ErrorLines() {
       {"lens", "waves of 0.1 px in the image that no lens model has", {.lens = 0.1}},
       {"late", "every second camera 3 ms late, board at 50 mm/s", {.lag = 3e-3}},
       {"blur", "corner errors of 0.1 px in common per image and per tag", {.blur = 0.1}},
-      {.name = "few", .meaning = "30 boards; 10 robot poses", .boards = 30, .robot_poses = 10},
+      {.name = "few",
+       .meaning = "30 boards; 10 robot poses",
+       .boards = 30,
+       .robot_poses = 10,
+       .most_refused = 0.25},
       {.name = "wrong", .meaning = "2 of 30 robot poses off by 10 mm and 1 deg", .wrong_poses = 2},
   };
   return lines;

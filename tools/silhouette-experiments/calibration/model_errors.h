@@ -33,6 +33,7 @@ struct ErrorLine {
   size_t boards = 60;       // frames of the session of lenses
   size_t robot_poses = 30;  // frames of the session of poses
   size_t wrong_poses = 0;   // how many of them the robot reports wrongly
+  double most_refused = 0;  // share of the runs
 };
 
 const std::vector<ErrorLine>& ErrorLines();

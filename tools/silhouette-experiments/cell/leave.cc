@@ -172,25 +172,34 @@ std::optional<LeaveScene> MakeLeaveScene(const SimulatedWorkplace& workplace, ui
   return std::nullopt;
 }
 
-absl::StatusOr<std::vector<LeaveRow>> RunLeave(const TrialSetting& setting, int scenes) {
-  std::vector<LeaveRow> rows;
+absl::StatusOr<LeaveResult> RunLeave(const TrialSetting& setting, int scenes,
+                                     const LeaveProgress& progress) {
+  LeaveResult result;
+  std::vector<LeaveRow>& rows = result.rows;
   for (size_t i = 0; i + 1 < kRanges.size(); ++i) {
     for (const Policy& policy : setting.policies) {
       rows.push_back({.policy = policy, .nearest = kRanges[i], .farthest = kRanges[i + 1]});
     }
   }
   for (int number = 0; number < scenes; ++number) {
+    if (!progress(number)) {
+      return absl::CancelledError("stopped; run the same command again, the database is complete");
+    }
     const auto near = MakeLeaveScene(setting.workplace, setting.seed, number);
     if (!near) continue;
+    ++result.found;
     ASSIGN_OR_RETURN(const ViewedScene viewed, View(setting, near->scene, number));
-    if (viewed.scene.Blocked() != Reason::kNone) continue;
+    if (viewed.scene.Blocked() != Reason::kNone) {
+      ++result.unusable;
+      continue;
+    }
     std::vector<LeaveRow*> its;
     for (LeaveRow& row : rows) {
       if (near->distance >= row.nearest && near->distance < row.farthest) its.push_back(&row);
     }
     JudgeLeave(setting, viewed, its);
   }
-  return rows;
+  return result;
 }
 
 std::string TextOf(std::span<const LeaveRow> rows) {

@@ -2,6 +2,7 @@
 // Whether the robot may leave: a person near it, and the steps that it may take.
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
@@ -42,8 +43,18 @@ struct LeaveRow {
   Tally tally{};  // on the grid
 };
 
-// Scenes that are not found, or that no verdict can be made on, are left out.
-absl::StatusOr<std::vector<LeaveRow>> RunLeave(const TrialSetting& setting, int scenes);
+struct LeaveResult {
+  std::vector<LeaveRow> rows;
+  int found = 0;     // scenes
+  int unusable = 0;  // those of them that no verdict can be made on; they are in no row
+};
+
+// Called with the scenes done. Returning false stops.
+using LeaveProgress = std::function<bool(int done)>;
+
+// Scenes that are not found are left out. Cancelled: `progress` stopped it.
+absl::StatusOr<LeaveResult> RunLeave(const TrialSetting& setting, int scenes,
+                                     const LeaveProgress& progress);
 
 std::string TextOf(std::span<const LeaveRow> rows);
 nlohmann::ordered_json JsonOf(std::span<const LeaveRow> rows);

@@ -58,6 +58,12 @@ absl::StatusOr<std::unique_ptr<Database>> OpenOrCreate(const std::string& path, 
 
 }  // namespace
 
+absl::Status CheckGridIsStated(const Cell& cell, const std::string& otherwise) {
+  if (StatesAGrid(cell)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      cell.file, ": the cell states no grid of all joints that move; state one", otherwise));
+}
+
 absl::StatusOr<SimulatedWorkplace> SimulatedWorkplace::Load(const std::string& cell_file,
                                                             const std::string& database) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(cell_file, database));
@@ -149,6 +155,7 @@ absl::Status SimulatedWorkplace::Calibrate(Database& database) const {
 
 absl::StatusOr<std::unique_ptr<Database>> SimulatedWorkplace::OpenOrCapture(
     const std::string& path, const CaptureObserver& observer) const {
+  RETURN_IF_ERROR(CheckGridIsStated(cell_));
   auto database = OpenOrCreate(path, cell_);
   if (!database.ok()) return database.status();
   simulation_->SetObstacles({});

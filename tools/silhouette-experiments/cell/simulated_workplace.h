@@ -20,11 +20,15 @@
 
 namespace silhouette::cell_experiment {
 
+// InvalidArgument, naming the file, unless StatesAGrid. `otherwise`: what else the user can do.
+absl::Status CheckGridIsStated(const Cell& cell, const std::string& otherwise = "");
+
 // What is served in another way than the cell's file says.
 struct ServeSettings {
   // In pixels, in place of the views' own margins.
   std::optional<double> margin;
-  // Metres; in place of the cell's own. The model is then taken for all there is of the robot.
+  // Metres; in place of the cell's own. If the cell states no `sound`, the model is then taken for
+  // all there is of the robot.
   std::optional<double> least_obstacle;
   // Speed and separation, in place of the cell's own; needs a least obstacle.
   std::optional<SeparationCell> separation;
@@ -59,8 +63,8 @@ class SimulatedWorkplace {
 
   // Takes the reference images, if there are none, captures what the database lacks, and keeps the
   // true calibration in it, if it has none; makes the database if there is none. FailedPrecondition
-  // if the one there is another cell's. Cancelled if the observer asks for a stop: what was
-  // captured is stored.
+  // if the one there is another cell's. InvalidArgument: CheckGridIsStated. Cancelled if the
+  // observer asks for a stop: what was captured is stored.
   absl::StatusOr<std::unique_ptr<Database>> OpenOrCapture(const std::string& path,
                                                           const CaptureObserver& observer) const;
 

@@ -153,16 +153,24 @@ TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int nu
   return result;
 }
 
-absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
-                                                const std::vector<int>& min_views,
-                                                const ServedDatabase& database) {
-  const int views = database.views();
+absl::Status CheckMinViews(const std::vector<int>& min_views, int views) {
   for (const int threshold : min_views) {
     if (threshold < 1 || threshold > views) {
-      return InvalidArgument("min_views is ", threshold, ", and the database has ", views,
+      return InvalidArgument("min_views is ", threshold, ", and the cell has ", views,
                              " views; state 1 to ", views);
     }
   }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
+                                                const std::vector<int>& min_views,
+                                                const Policy& of_cell,
+                                                const ServedDatabase& database) {
+  const int views = database.views();
+  Policy policy = of_cell;
+  policy.preset = Preset::kUncalibrated;
+  const int least = MinViews(policy, views);
   std::vector<Policy> policies;
   for (const Preset preset : AllPresets()) {
     const bool named = std::ranges::count(presets, NameOf(preset)) > 0;
@@ -171,22 +179,18 @@ absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& 
       if (named) return status;
       continue;
     }
-    if (IsSound(preset)) {
-      policies.push_back({.preset = preset, .min_views = views});
-      continue;
+    std::vector<int> thresholds = min_views;
+    if (IsSound(preset) || (min_views.empty() && preset == Preset::kPaper)) {
+      thresholds = {views};
+    } else if (min_views.empty()) {
+      thresholds = {least};
+      // Without a calibration `paper` differs from `uncalibrated` in nothing else.
+      if (IsCalibrated(preset) && least < views) thresholds.push_back(views);
     }
-    if (!min_views.empty()) {
-      for (const int threshold : min_views) {
-        policies.push_back({.preset = preset, .min_views = threshold});
-      }
-      continue;
-    }
-    for (const int threshold : {views - 1, views}) {
-      if (threshold == 0) continue;
-      // Without a calibration the two presets differ in nothing else.
-      if (preset == Preset::kUncalibrated && threshold == views && views > 1) continue;
-      if (preset == Preset::kPaper && threshold < views) continue;
-      policies.push_back({.preset = preset, .min_views = threshold});
+    for (const int threshold : thresholds) {
+      policies.push_back({.preset = preset,
+                          .min_views = threshold,
+                          .max_occluded_views = of_cell.max_occluded_views});
     }
   }
   return policies;

@@ -83,12 +83,16 @@ std::vector<Configuration> PresentConfigurations(const ServedDatabase& database)
 // Uses both cores where there are two.
 TrialResult Judge(const TrialSetting& setting, const ViewedScene& viewed, int number);
 
-// The named presets with the thresholds that they can have, n - 1 and n of n views; or those of
-// `min_views`, but the sound presets, which ask all views. Without names: all presets that the
-// database can serve. FailedPrecondition if a named preset cannot be served. InvalidArgument: the
-// database has fewer views.
+// InvalidArgument if one of `min_views` is not 1 to `views`.
+absl::Status CheckMinViews(const std::vector<int>& min_views, int views);
+
+// The named presets with the thresholds that they can have: all views, and as many as
+// `uncalibrated` asks by the cell's policy; or those of `min_views`, which CheckMinViews passed.
+// The sound presets ask all views. `max_occluded_views` is the cell's. Without names: all presets
+// that the database can serve. FailedPrecondition if a named preset cannot be served.
 absl::StatusOr<std::vector<Policy>> PoliciesFor(const std::vector<std::string>& presets,
                                                 const std::vector<int>& min_views,
+                                                const Policy& of_cell,
                                                 const ServedDatabase& database);
 
 }  // namespace silhouette::cell_experiment

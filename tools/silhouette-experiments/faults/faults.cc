@@ -46,7 +46,11 @@ constexpr const char* kFreezes[] = {"still image with noise, until the robot sta
                                     "loop with people, until the robot stands again"};
 constexpr double kLoop = 37;  // seconds by which the loop is late
 constexpr char kFrozen[] = "frozen";
+constexpr char kExchanged[] = "two views exchanged";
 constexpr double kDegree = std::numbers::pi / 180;
+// How far poses keep from the joints' limits: degrees, but at most a share of a joint's range.
+constexpr double kFromLimits = 10;
+constexpr double kMostFromLimits = 0.05;
 
 using Images = std::vector<CameraImage>;
 
@@ -117,7 +121,9 @@ class WatchedCell {
     for (int i = 0; i < kPoses; ++i) {
       Configuration& stand = stands_.emplace_back();
       for (const GridJoint& joint : grid.joints()) {
-        stand.push_back(chance_.Uniform(joint.lower + 10 * kDegree, joint.upper - 10 * kDegree));
+        const double away =
+            std::min(kFromLimits * kDegree, kMostFromLimits * (joint.upper - joint.lower));
+        stand.push_back(chance_.Uniform(joint.lower + away, joint.upper - away));
       }
       for (const ConfigurationNumber corner : grid.CornersAround(stand).numbers()) MasksAt(corner);
     }
@@ -247,7 +253,8 @@ Images Scaled(Images images, double factor, double offset, double sigma, Chance&
   return images;
 }
 
-std::vector<Fault> Faults() {
+// Those that `views` views can have.
+std::vector<Fault> Faults(size_t views) {
   const auto scaled = [](double factor, double offset, double sigma) {
     return [=](WatchedCell&, Images good, double, const Pose&, size_t, Chance& chance) {
       return Scaled(std::move(good), factor, offset, sigma, chance);
@@ -266,7 +273,7 @@ std::vector<Fault> Faults() {
       return good;
     };
   };
-  return {
+  std::vector<Fault> faults = {
       {"light off", scaled(0.02, 0, 1.5)},
       {"light halved", scaled(0.5, 0, 0)},
       {"light doubled", scaled(2, 0, 0)},
@@ -274,7 +281,7 @@ std::vector<Fault> Faults() {
       {"all saturated", scaled(0, 255, 0)},
       {"a lens covered, dark", one(0, 15, 1.5)},
       {"a lens covered, grey", one(0, 90, 1.5)},
-      {"two views exchanged",
+      {kExchanged,
        [](WatchedCell&, Images good, double, const Pose&, size_t view, Chance&) {
          std::swap(good[view], good[(view + 1) % good.size()]);
          return good;
@@ -290,6 +297,10 @@ std::vector<Fault> Faults() {
       {"no robot where it says", [](WatchedCell& cell, Images, double time, const Pose&, size_t,
                                     Chance&) { return cell.Take(time, cell.StandAfter(time, 4)); }},
   };
+  if (views == 1) {
+    std::erase_if(faults, [](const Fault& fault) { return fault.name == kExchanged; });
+  }
+  return faults;
 }
 
 double Microseconds(std::chrono::steady_clock::duration time) {
@@ -470,7 +481,7 @@ class Watcher {
   const SceneSettings checks_;
   const LifeSettings life_settings_;
   ProofOfLife life_;
-  const std::vector<Fault> faults_ = Faults();
+  const std::vector<Fault> faults_ = Faults(cell_.views());
   std::vector<std::string> names_;
   std::vector<Mask> masks_;            // of the newest images
   std::vector<std::string> messages_;  // of their defects

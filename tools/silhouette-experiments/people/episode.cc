@@ -41,11 +41,6 @@ uint64_t StreamOf(uint64_t seed, uint64_t episode, uint64_t use) {
   return mixed ^ mixed >> 29;
 }
 
-// Of all joints that move.
-bool StatesAGrid(const Cell& cell) {
-  return !cell.robot.drawn || (cell.grid_move > 0 && !cell.grid.has_any());
-}
-
 class Episode {
  public:
   Episode(const Stage& stage, const EpisodeSettings& settings, int episode, Method& method,

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -15,21 +16,45 @@
 namespace silhouette::people_experiment {
 namespace {
 
-const MethodFigures* Named(std::span<const MethodFigures> figures, const std::string& name) {
-  const auto found = std::ranges::find(figures, name, &MethodFigures::name);
-  return found == figures.end() ? nullptr : &*found;
+// Episodes of a study are equally long.
+std::optional<WorkRatio> WorkAgainst(std::span<const EpisodeResult> results,
+                                     const std::string& method, const std::string& other) {
+  std::map<int, std::array<std::optional<double>, 2>> cycles;  // by episode
+  for (const EpisodeResult& result : results) {
+    if (result.method == method) cycles[result.episode][0] = result.counts.cycles;
+    if (result.method == other) cycles[result.episode][1] = result.counts.cycles;
+  }
+  std::erase_if(cycles, [](const auto& each) { return !each.second[0] || !each.second[1]; });
+  double own = 0;
+  double others = 0;
+  for (const auto& [episode, both] : cycles) {
+    own += *both[0];
+    others += *both[1];
+  }
+  if (others == 0) return std::nullopt;
+  WorkRatio work{.ratio = own / others, .standard_error = std::nullopt};
+  if (cycles.size() < 2) return work;
+  double squares = 0;
+  for (const auto& [episode, both] : cycles) {
+    const double residual = *both[0] - work.ratio * *both[1];
+    squares += residual * residual;
+  }
+  const auto n = static_cast<double>(cycles.size());
+  work.standard_error = std::sqrt(squares * n / (n - 1)) / others;
+  return work;
 }
 
-// The work of a method as a multiple of another's; nothing if that is not among them.
-std::optional<double> WorkAgainst(std::span<const MethodFigures> figures, const Counts& counts,
-                                  const std::string& other) {
-  const MethodFigures* found = Named(figures, other);
-  if (found == nullptr || found->counts.cycles == 0) return std::nullopt;
-  return counts.CyclesPerHour() / found->counts.CyclesPerHour();
+// "0.82 +-0.05"; "-" of nothing.
+std::string Ratio(const std::optional<WorkRatio>& work) {
+  if (!work) return "-";
+  return absl::StrFormat("%.2f", work->ratio) +
+         (work->standard_error ? absl::StrFormat(" +-%.2f", *work->standard_error) : "");
 }
 
-std::string Ratio(const std::optional<double>& ratio) {
-  return ratio ? absl::StrFormat("%.2f", *ratio) : "-";
+void AddRatio(const char* key, const std::optional<WorkRatio>& work, nlohmann::ordered_json& row) {
+  if (!work) return;
+  row[key] = work->ratio;
+  if (work->standard_error) row[absl::StrCat(key, "_standard_error")] = *work->standard_error;
 }
 
 double Quantile(std::vector<double> values, double share) {
@@ -44,7 +69,11 @@ std::vector<MethodFigures> FiguresOf(std::span<const EpisodeResult> results,
                                      std::span<const std::string> methods) {
   std::vector<MethodFigures> figures;
   for (const std::string& method : methods) {
-    MethodFigures& row = figures.emplace_back(MethodFigures{method, {}});
+    MethodFigures& row = figures.emplace_back(
+        MethodFigures{.name = method,
+                      .counts = {},
+                      .to_curtain = WorkAgainst(results, method, "light_curtain"),
+                      .to_oracle = WorkAgainst(results, method, "oracle")});
     for (const EpisodeResult& result : results) {
       if (result.method == method) row.counts.Add(result.counts);
     }
@@ -57,12 +86,11 @@ std::string TextOf(std::span<const MethodFigures> figures) {
                            "contacts", "stops/h", "standing %", "too fast s/h", "leaving s/h",
                            "reaction s", "least over stopping m", "scenes", "unusable %",
                            "core s/episode"}};
-  for (const auto& [name, counts] : figures) {
+  for (const auto& [name, counts, to_curtain, to_oracle] : figures) {
     const double hours = counts.seconds / 3600;
-    table.rows.push_back({name, absl::StrFormat("%.0f", counts.CyclesPerHour()),
-                          Ratio(WorkAgainst(figures, counts, "light_curtain")),
-                          Ratio(WorkAgainst(figures, counts, "oracle")),
-                          absl::StrCat(counts.contacts_moving), absl::StrCat(counts.contacts),
+    table.rows.push_back({name, absl::StrFormat("%.0f", counts.CyclesPerHour()), Ratio(to_curtain),
+                          Ratio(to_oracle), absl::StrCat(counts.contacts_moving),
+                          absl::StrCat(counts.contacts),
                           absl::StrFormat("%.0f", counts.stops / hours),
                           absl::StrFormat("%.0f", Percent(counts.standing, counts.seconds)),
                           absl::StrFormat("%.1f", counts.too_fast / hours),
@@ -85,7 +113,7 @@ std::string TextOf(std::span<const MethodFigures> figures) {
 
 nlohmann::ordered_json JsonOf(std::span<const MethodFigures> figures) {
   auto methods = nlohmann::ordered_json::array();
-  for (const auto& [name, counts] : figures) {
+  for (const auto& [name, counts, to_curtain, to_oracle] : figures) {
     nlohmann::ordered_json row = {{"name", name},
                                   {"cycles_per_hour", counts.CyclesPerHour()},
                                   {"contacts_moving", counts.contacts_moving},
@@ -109,9 +137,8 @@ nlohmann::ordered_json JsonOf(std::span<const MethodFigures> figures) {
     if (std::isfinite(counts.least_over_stopping)) {
       row["least_distance_over_stopping"] = counts.least_over_stopping;
     }
-    if (const auto ratio = WorkAgainst(figures, counts, "light_curtain"))
-      row["to_curtain"] = *ratio;
-    if (const auto ratio = WorkAgainst(figures, counts, "oracle")) row["to_oracle"] = *ratio;
+    AddRatio("to_curtain", to_curtain, row);
+    AddRatio("to_oracle", to_oracle, row);
     methods.push_back(std::move(row));
   }
   return {{"methods", methods}};

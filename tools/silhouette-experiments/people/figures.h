@@ -3,6 +3,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -12,9 +13,19 @@
 
 namespace silhouette::people_experiment {
 
+// The work of a method as a multiple of another's, over the episodes that both have.
+struct WorkRatio {
+  double ratio = 0;
+  // Of the ratio: what chance of episodes does to it, to first order. Nothing of one episode.
+  std::optional<double> standard_error;
+};
+
 struct MethodFigures {
   std::string name;
   Counts counts;
+  // Nothing where the other has no episode or no work.
+  std::optional<WorkRatio> to_curtain = std::nullopt;
+  std::optional<WorkRatio> to_oracle = std::nullopt;
 };
 
 // In the order of `methods`.

@@ -107,12 +107,6 @@ class Script {
 
 }  // namespace
 
-double PlacedShape::DistanceTo(const Eigen::Vector3d& point) const {
-  return Eigen::AlignedBox3d(-shape.half, shape.half)
-             .exteriorDistance(world_from_shape.inverse() * point) -
-         shape.radius;
-}
-
 Shape ShapeOf(PersonPart part) {
   switch (part) {
     case kTrunk:

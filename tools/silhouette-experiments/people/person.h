@@ -25,17 +25,13 @@ struct Shape {
 struct PlacedShape {
   Shape shape;
   Eigen::Isometry3d world_from_shape = Eigen::Isometry3d::Identity();
-
-  // From its surface; below 0 inside a rounded shape.
-  double DistanceTo(const Eigen::Vector3d& point) const;
 };
 
 // Trunk, arm and the box that some carry.
 enum PersonPart : size_t { kTrunk = 0, kArm, kBox };
-inline constexpr size_t kPersonParts = 3;
 Shape ShapeOf(PersonPart part);
 
-// As obstacles of the simulated cell, kPersonParts for each of `count` people.
+// As obstacles of the simulated cell, each PersonPart of each of `count` people.
 std::vector<Obstacle> PeopleObstacles(int count);
 
 // What a person does at a moment of the script. In between all of it changes evenly.
@@ -55,7 +51,7 @@ class Person {
   Person(std::vector<PersonKey> keys, double floor);
 
   PersonKey At(double time) const;
-  // The first kPersonParts, without the box if none is carried.
+  // By PersonPart, without the box if none is carried.
   std::vector<PlacedShape> PartsAt(double time) const;
   // Poses in the order of PeopleObstacles; a box that nobody carries lies far away.
   void AppendPoses(double time, Poses& poses) const;

@@ -236,7 +236,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   }
 
   std::atomic<uint64_t> done{0};
-  const auto scene_count = static_cast<size_t>(places.samples.scenes);
+  const size_t scene_count = 2 * static_cast<size_t>(places.samples.scenes);
   const uint64_t total = scene_count + trials.cameras_.size();
   // What each scene consists of must not depend on which thread makes it.
   std::vector<uint64_t> seeds;
@@ -289,7 +289,7 @@ absl::StatusOr<Trials> Trials::Make(const RobotModel& robot, const Configuration
   return trials;
 }
 
-Measures Trials::MeasuresOf(const CameraSet& cameras, const Policy& policy) const {
+Measures Trials::MeasuresOf(const CameraSet& cameras, const Policy& policy, Scenes scenes) const {
   std::vector<MaskSize> sizes;
   Calibration calibration;
   for (int camera : cameras) {
@@ -314,7 +314,9 @@ Measures Trials::MeasuresOf(const CameraSet& cameras, const Policy& policy) cons
   const TestSupport support{.bands = bands ? &*bands : nullptr};
 
   Measures measures;
-  for (const Scene& scene : scenes_) {
+  const size_t half = scenes_.size() / 2;
+  const std::span<const Scene> all(scenes_);
+  for (const Scene& scene : scenes == Scenes::kFresh ? all.subspan(half) : all.first(half)) {
     ObstacleImages images;
     for (int camera : cameras)
       images.emplace_back(scene.obstacle_images[static_cast<size_t>(camera)]);

@@ -42,6 +42,9 @@ using OnProgress = std::function<bool(uint64_t done, uint64_t total)>;
 
 class Trials {
  public:
+  // Those by which sets are chosen; as many others, by which the chosen ones are judged.
+  enum class Scenes { kOfChoice, kFresh };
+
   // Samples by the seed, finds the truth by exact contact, and draws the silhouettes in all
   // candidates in which the robot is whole at all configurations (paper §2). Uses all processors.
   // Aborted: it was stopped. FailedPrecondition: no candidate has the whole robot in its image, or
@@ -57,7 +60,8 @@ class Trials {
 
   // The measures of a set of usable() candidates, by index in usable(). Can be called from several
   // threads. Throws std::invalid_argument if the policy cannot be.
-  Measures MeasuresOf(const CameraSet& cameras, const Policy& policy) const;
+  Measures MeasuresOf(const CameraSet& cameras, const Policy& policy,
+                      Scenes scenes = Scenes::kOfChoice) const;
 
  private:
   struct Scene {
@@ -69,7 +73,7 @@ class Trials {
   std::vector<int> usable_;
   std::vector<CameraModel> cameras_;             // usable ones
   std::vector<std::vector<Mask>> robot_images_;  // by camera and configuration
-  std::vector<Scene> scenes_;
+  std::vector<Scene> scenes_;                    // of choice, then as many fresh ones
   std::vector<Eigen::Vector2d> footprint_;
   size_t configurations_ = 0;
 };

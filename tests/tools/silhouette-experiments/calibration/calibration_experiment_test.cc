@@ -149,6 +149,19 @@ TEST(ModelErrors, EveryErrorMovesCornersByLessThanTwoPixels) {
   }
 }
 
+TEST(ModelErrors, ARefusedRunMissesTheGoalsUnlessTheLineAllowsIt) {
+  LineResult result;
+  result.runs = 4;
+  result.predicted.Add({.squares = 10, .freedom = 10});
+  EXPECT_TRUE(MeetsGoals(result));
+  EXPECT_TRUE(IsRefusal(absl::FailedPreconditionError("too few"), result));
+  EXPECT_FALSE(MeetsGoals(result));
+  result.most_refused = LineOf("few").most_refused;
+  EXPECT_TRUE(MeetsGoals(result));
+  EXPECT_TRUE(IsRefusal(absl::FailedPreconditionError("too few"), result));
+  EXPECT_FALSE(MeetsGoals(result)) << "half of the runs";
+}
+
 TEST(ModelErrors, LensesOfABentBoardAreAsExactAsPredicted) {
   LineResult result;
   const absl::Status status = MeasureLensLine(LineOf("bent"), 3, false, result);

@@ -167,6 +167,26 @@ TEST(CellTrial, ADrawnRobotGetsTheServersVerdictsInForbiddenRegionsAndOutsideThe
   EXPECT_GT(outside, 0);
 }
 
+TEST(CellTrial, UncalibratedIsTestedWithTheServersThresholdOfTheCell) {
+  const SmallWorkplace small;
+  const auto policies = [&](const Policy& of_cell) {
+    return PoliciesFor({"uncalibrated", "paper", "calibrated"}, {}, of_cell, small.served())
+        .value();
+  };
+  const auto usual = policies({});
+  ASSERT_EQ(usual.size(), 4u);
+  EXPECT_EQ(usual[0].min_views, 1) << "of two views";
+  EXPECT_EQ(usual[1].min_views, 2) << "paper";
+  EXPECT_EQ(usual[2].min_views, 1);
+  EXPECT_EQ(usual[3].min_views, 2);
+  const auto strict = policies({.max_occluded_views = 0});
+  ASSERT_EQ(strict.size(), 3u);
+  for (const Policy& policy : strict) {
+    EXPECT_EQ(policy.min_views, 2);
+    EXPECT_EQ(policy.max_occluded_views, 0);
+  }
+}
+
 TEST(CellTrial, SameSeedGivesTheSameScene) {
   const SmallWorkplace small;
   const Eigen::AlignedBox3d box = SweptBox(small.workplace());

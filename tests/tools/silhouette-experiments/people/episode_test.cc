@@ -247,6 +247,28 @@ TEST_F(PeopleTest, AStudyThatWasStoppedGoesOnToTheSameResult) {
             absl::StatusCode::kFailedPrecondition);
 }
 
+TEST(PeopleFigures, RatiosOfWorkStateTheirStandardErrorOverPairedEpisodes) {
+  std::vector<EpisodeResult> results;
+  const std::vector<std::string> methods = {"oracle", "silhouette"};
+  const auto add = [&](int episode, double oracle, double silhouette) {
+    results.push_back({episode, "oracle", {.episodes = 1, .seconds = 60, .cycles = oracle}});
+    results.push_back(
+        {episode, "silhouette", {.episodes = 1, .seconds = 60, .cycles = silhouette}});
+  };
+  add(0, 10, 9);
+  EXPECT_FALSE(FiguresOf(results, methods)[1].to_oracle->standard_error);
+  add(1, 20, 16);
+  add(2, 30, 23);
+  const MethodFigures silhouette = FiguresOf(results, methods)[1];
+  EXPECT_FALSE(silhouette.to_curtain);
+  EXPECT_DOUBLE_EQ(silhouette.to_oracle->ratio, 0.8);
+  // Residuals of 1, 0 and -1 cycles.
+  EXPECT_NEAR(*silhouette.to_oracle->standard_error, std::sqrt(2 * 3 / 2.0) / 60, 1e-12);
+  const auto same = FiguresOf(results, methods)[0].to_oracle;
+  EXPECT_EQ(same->ratio, 1);
+  EXPECT_EQ(*same->standard_error, 0);
+}
+
 // Each would replace the file that the other appends to.
 TEST_F(PeopleTest, NoTwoStudiesWriteToOneFolder) {
   settings_.seconds = 2;

@@ -148,6 +148,16 @@ TEST_F(TrialsTest, SameSeedGivesTheSameMeasuresAndAnotherSeedOthers) {
   EXPECT_NE(measure(), first);
 }
 
+TEST_F(TrialsTest, ChosenSetsAreJudgedByAsManyScenesThatAreOthers) {
+  places_.candidates = {CandidateAt("a", {6, 0, 1}, {0, 0, 1})};
+  const Trials trials = Make().value();
+  const Policy policy{.preset = Preset::kPaper};
+  const Measures choice = trials.MeasuresOf({0}, policy);
+  const Measures fresh = trials.MeasuresOf({0}, policy, Trials::Scenes::kFresh);
+  EXPECT_EQ(fresh.tested, choice.tested);
+  EXPECT_NE(fresh.occupied, choice.occupied);
+}
+
 TEST_F(TrialsTest, StopIsObeyed) {
   places_.candidates = {CandidateAt("a", {6, 0, 1}, {0, 0, 1})};
   const auto trials = Trials::Make(
