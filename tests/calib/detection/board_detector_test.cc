@@ -17,6 +17,7 @@
 #include "calib/detection/image_tags.h"
 #include "tests/calib/detection/corner_errors.h"
 #include "tests/calib/detection/rendered_board.h"
+#include "tests/random.h"
 
 namespace silhouette {
 namespace {
@@ -99,7 +100,7 @@ TEST(BoardDetector, CornersOfEachKindAreGoodToHundredthsOfAPixelAtASessionsAngle
 
 TEST(BoardDetector, CornersOfArucoMarkersAreGoodToHundredthsOfAPixelFromAllSides) {
   const Board board = ArucoGrid();
-  for (int seed = 1; seed <= 6; ++seed) {
+  for (int seed = 1; seed <= SampleCount(6); ++seed) {
     const CornerErrors errors =
         ErrorsIn(Seen(board, {.distance = 0.55, .tilt = 0.7, .turn = seed * 1.1}, seed), board);
     EXPECT_GE(errors.corners, 40u) << seed;
@@ -117,7 +118,7 @@ TEST(BoardDetector, EveryArucoMarkerOfABoardThatIsSeenWholeIsFound) {
                      .columns = 7,
                      .tag_size = 0.04,
                      .gap = 0.01});
-  for (int seed = 1; seed <= 3; ++seed) {
+  for (int seed = 1; seed <= SampleCount(3); ++seed) {
     std::mt19937_64 random(seed);
     const RenderedBoard rendered(board, Intrinsics(480, 480, 700, -0.15),
                                  Eigen::AngleAxisd(seed * 0.8, Eigen::Vector3d::UnitZ()) *
@@ -132,7 +133,7 @@ TEST(BoardDetector, EveryArucoMarkerOfABoardThatIsSeenWholeIsFound) {
 // Its edges bend as no parabola does, and where the image cuts a square a corner has only one.
 TEST(BoardDetector, CornersOfLargeSquaresInTheImagesCornerAreAsExactAsStated) {
   const Board board = Charuco(5, 4);
-  for (int seed = 1; seed <= 3; ++seed) {
+  for (int seed = 1; seed <= SampleCount(3); ++seed) {
     std::mt19937_64 random(seed);
     const Eigen::Isometry3d pose = Eigen::Translation3d(-0.06, -0.045, 0) *
                                    Eigen::AngleAxisd(0.15 * seed, Eigen::Vector3d::UnitZ()) *
@@ -203,7 +204,7 @@ TEST(BoardDetector, AllTagsOfAnAprilGridAreFoundThoughSquaresTouchThem) {
 TEST(BoardDetector, BlurThatJoinsTheTagsOfAnAprilGridWithItsSquaresCostsFew) {
   const Board board = WholeAprilGrid();
   for (const double blur : {0.8, 1.2}) {
-    for (const int seed : {3, 4}) {
+    for (int seed = 3; seed < 3 + SampleCount(2); ++seed) {
       SCOPED_TRACE(testing::Message() << "blur " << blur << " seed " << seed);
       std::mt19937_64 random(seed);
       const RenderedBoard rendered(board, Intrinsics(960, 840, 900, -0.1),
@@ -219,7 +220,7 @@ TEST(BoardDetector, BlurThatJoinsTheTagsOfAnAprilGridWithItsSquaresCostsFew) {
 // OpenCV sees these squares as quadrilaterals, the AprilTag library does not.
 TEST(BoardDetector, SmallBlurredTagsOfAnAprilGridAreFoundAtEveryAngle) {
   const Board board = WholeAprilGrid();
-  for (int seed = 1; seed <= 3; ++seed) {
+  for (int seed = 1; seed <= SampleCount(3); ++seed) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     std::mt19937_64 random(seed);
     const Eigen::Isometry3d pose = Eigen::AngleAxisd(0.7 * seed, Eigen::Vector3d::UnitZ()) *
@@ -254,7 +255,7 @@ TEST(BoardDetector, TagOfAnAprilGridThatIsCoveredIsNotMadeUp) {
 
 TEST(BoardDetector, CornersOfChessboardsAreAsGoodWithoutAKnownLens) {
   const Board board = Chessboard(8, 5);
-  for (const int seed : {4, 5, 6}) {
+  for (int seed = 4; seed < 4 + SampleCount(3); ++seed) {
     const RenderedBoard rendered = Seen(board, {}, seed);
     const CameraModel lens(rendered.intrinsics());
     EXPECT_LT(ErrorsIn(rendered, board).rms, 1.1 * ErrorsIn(rendered, board, lens).rms);
