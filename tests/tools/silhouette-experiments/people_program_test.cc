@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "tests/capture/session/program_cell.h"
 #include "tests/folders.h"
 
@@ -37,7 +39,11 @@ TEST_F(PeopleProgram, FilmsARenderedEpisode) {
   EXPECT_EQ(method["unusable_scenes"], 0);
 }
 
-TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleAndCellFile) {
+TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleRobotModelAndCellFile) {
+  const std::string source = SourceFolder() + "/capture/sim/robots/rx130.urdf";
+  const std::string model = files_ / "robot.urdf";
+  WriteText(model, ReadText(source));
+  files_.WriteCell({{source, model}});
   const std::string study =
       absl::StrCat("--images drawn --episodes 1 --methods light_curtain --out '", files_ / "", "'");
   const auto expect_refused = [&](double least_obstacle) {
@@ -48,7 +54,13 @@ TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleAndCellFile) {
   ASSERT_EQ(Run(study), 0) << ReadText(files_ / "e");
   EXPECT_EQ(Run(study), 0) << ReadText(files_ / "e");
   expect_refused(0.6);
-  files_.WriteCell({{"capture:\n", "sound: {least_obstacle: 0.5, whole_model: true}\ncapture:\n"}});
+  WriteText(model,
+            absl::StrReplaceAll(ReadText(source), {{"radius=\"0.065\"", "radius=\"0.075\""}}));
+  expect_refused(0.5);
+  WriteText(model, ReadText(source));
+  EXPECT_EQ(Run(study), 0) << ReadText(files_ / "e");
+  files_.WriteCell({{source, model},
+                    {"capture:\n", "sound: {least_obstacle: 0.5, whole_model: true}\ncapture:\n"}});
   expect_refused(0.5);
 }
 

@@ -8,6 +8,7 @@
 
 #include "tests/tools/silhouette-experiments/cell/small_workplace.h"
 #include "tools/silhouette-experiments/cell/explanation.h"
+#include "tools/silhouette-experiments/cell/leave.h"
 
 namespace silhouette::cell_experiment {
 namespace {
@@ -42,6 +43,14 @@ TEST(CellTrial, OccupiedIsWhatTouchesExactly) {
     EXPECT_EQ(tally[kOnGrid].occupied, touching);
     EXPECT_EQ(tally[kOffGrid].tested, 50u);
   }
+}
+
+TEST(CellTrial, LeavingEndsWithItsFirstSceneWhenAStopIsAskedFor) {
+  const SmallWorkplace small;
+  int asked = 0;
+  const auto stopped = RunLeave(small.Setting(), 3, [&](int) { return ++asked < 2; });
+  EXPECT_TRUE(absl::IsCancelled(stopped.status())) << stopped.status();
+  EXPECT_EQ(asked, 2);
 }
 
 TEST(CellTrial, NearThingsAreAsFarFromTheRobotAsTheyShouldBeAndInItsWay) {
