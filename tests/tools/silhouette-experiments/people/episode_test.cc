@@ -172,6 +172,27 @@ TEST(PeopleWithoutAGrid, WaysKeepTheirDistanceAndTheWayOutIsShort) {
   EXPECT_GT(out, 0);
 }
 
+// The cell's own model lacks a cable, a loop and a hose of the simulated arm.
+TEST(PeopleWithoutAGrid, DrawnImagesShowAllThatThereIsOfTheRobot) {
+  const auto workplace =
+      SimulatedWorkplace::Load(SourceFolder() + "/capture/sim/cells/six_axes/cell.yaml").value();
+  const ProgramCell files;
+  const auto database = workplace.OpenUncaptured(files.database()).value();
+  cell_experiment::ServeSettings serve;
+  serve.drawn = PartSettings();
+  const auto served = workplace.Serve(*database, serve).value();
+  const DrawnRobot arm = TrueRobot(workplace, served->robot_images().mask_sizes()).value();
+  for (const Configuration& q :
+       {Configuration{-1, -0.3, 1.2, 0, 0.5, 0}, {1, 0.5, -0.4, 1, 0.7, 2}}) {
+    const std::vector<Mask> robot = arm.Touched(q);
+    const std::vector<Mask> drawn = served->robot_images().drawn()->Touched(q);
+    for (size_t view = 0; view < robot.size(); ++view) {
+      EXPECT_FALSE(robot[view].Empty());
+      EXPECT_TRUE((robot[view] - drawn[view]).Empty()) << "view " << view;
+    }
+  }
+}
+
 TEST_F(PeopleTest, TheCurtainIsToldToStandAsSoonAsSomebodyIsInside) {
   Counts all;
   for (int episode = 0; episode < 3; ++episode) all.Add(Run("light_curtain", episode));
