@@ -270,9 +270,7 @@ void CheckStream::OnReadDone(bool ok) {
   question_.Clear();
   absl::Status asked;
   if (ok) asked = serving_.clients.Call(client_);
-  // A refused one is read for its id, if that costs little.
-  constexpr size_t kLittle = size_t{64} << 10;
-  if (ok && (asked.ok() || bytes_.Length() <= kLittle)) {
+  if (ok && (asked.ok() || bytes_.Length() <= kReadForItsId)) {
     const absl::Status read = ReadRequest(bytes_, question_);
     if (asked.ok()) asked = read;
   }

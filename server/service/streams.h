@@ -268,7 +268,8 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 
 // StreamChecks: one call.
 // A refused question gets its error under its id. One that is too large or cannot be parsed ends
-// the call: its id is not known. Reads a question only when the answer to the one before has been
+// the call, as does one of more than kReadForItsId bytes that the client's limits refuse: its id is
+// not known. Reads a question only when the answer to the one before has been
 // taken by the transport: a caller that does not read its answers does not delay others. Keeps
 // itself alive until the call is over.
 class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
@@ -289,6 +290,7 @@ class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   void End() override;
 
  private:
+  static constexpr size_t kReadForItsId = size_t{64} << 10;
   // The step to kOver, from kReading or at the end of kAnswering, finishes the call.
   enum class Step { kReading, kAnswering, kOver };
 

@@ -100,6 +100,27 @@ TEST(StreamService, QuestionBeyondTheLimitIsRefusedUnderItsIdAndLaterOnesAreAnsw
   EXPECT_TRUE(asking.Finish().ok());
 }
 
+TEST(StreamService, LargeQuestionBeyondTheLimitEndsTheCallWithTheLimit) {
+  ServingSettings settings;
+  settings.limits.calls_per_second = 2;
+  TestServer server(NewDatabase({.index = true}), settings);
+  server.Publish(SceneWithBlock(3));
+  Asking asking(server);
+  v1::StreamChecksResponse answer;
+  for (uint64_t id = 1; id < 10 && !answer.has_error(); ++id) {
+    asking.Send(id, At(0, 0));
+    answer = asking.Next();
+  }
+  ASSERT_TRUE(answer.has_error());
+  v1::StreamChecksRequest large;
+  large.mutable_configurations()->mutable_numbers()->Resize(20'000, 0);
+  asking.Send(large);
+  asking.NoMore();
+  const grpc::Status ended = asking.Finish();
+  EXPECT_EQ(ended.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(ended.error_message(), HasSubstr("'calls_per_second'"));
+}
+
 TEST_F(StreamServiceTest, QuestionThatIsTooLargeEndsTheCallAndTheErrorNamesTheLimit) {
 #if defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "34 MB take minutes";

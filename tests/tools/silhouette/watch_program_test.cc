@@ -197,7 +197,7 @@ TEST_F(SilhouetteWatch, StreamedChecksThatASignalEndsAreStoppedAndNotAllFree) {
   Publish(kNothing);
   const std::string questions = cell_.shell().folder() / "questions";
   ASSERT_EQ(mkfifo(questions.c_str(), 0600), 0);
-  // Open for reading, too: opening waits for nobody, and the program's input does not end.
+  // Open for reading, too: opening then does not block, and the program's input does not end.
   const int asked = open(questions.c_str(), O_RDWR);
   for (const int signal : {SIGINT, SIGTERM}) {
     const std::string output = "checks" + std::to_string(signal) + ".txt";
