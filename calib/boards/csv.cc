@@ -27,40 +27,6 @@ absl::string_view WithoutMark(absl::string_view text) {
   return text;
 }
 
-// The fields of a line; nothing if a quote is open or text follows a closed one.
-std::optional<std::vector<std::string>> Fields(absl::string_view line) {
-  absl::ConsumeSuffix(&line, "\r");
-  std::vector<std::string> fields(1);
-  bool quoted = false;
-  bool closed = false;
-  for (size_t i = 0; i < line.size(); ++i) {
-    const char c = line[i];
-    if (quoted) {
-      if (c != '"') {
-        fields.back() += c;
-      } else if (i + 1 < line.size() && line[i + 1] == '"') {
-        fields.back() += c;
-        ++i;
-      } else {
-        quoted = false;
-        closed = true;
-      }
-    } else if (c == ',') {
-      fields.emplace_back();
-      closed = false;
-    } else if (c == '"' && absl::StripAsciiWhitespace(fields.back()).empty() && !closed) {
-      fields.back().clear();
-      quoted = true;
-    } else if (!closed) {
-      fields.back() += c;
-    } else if (!absl::ascii_isspace(static_cast<unsigned char>(c))) {
-      return std::nullopt;
-    }
-  }
-  if (quoted) return std::nullopt;
-  return fields;
-}
-
 // For each wanted column its place in the header.
 absl::StatusOr<std::vector<size_t>> Places(const std::vector<std::string>& header,
                                            const std::vector<std::string>& columns,
@@ -112,6 +78,40 @@ absl::StatusOr<int> CsvRow::Integer(size_t column) const {
   return value;
 }
 
+absl::StatusOr<std::vector<std::string>> CsvFields(absl::string_view line) {
+  constexpr char kQuotes[] = "the double quotes do not match";
+  absl::ConsumeSuffix(&line, "\r");
+  std::vector<std::string> fields(1);
+  bool quoted = false;
+  bool closed = false;
+  for (size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (quoted) {
+      if (c != '"') {
+        fields.back() += c;
+      } else if (i + 1 < line.size() && line[i + 1] == '"') {
+        fields.back() += c;
+        ++i;
+      } else {
+        quoted = false;
+        closed = true;
+      }
+    } else if (c == ',') {
+      fields.emplace_back();
+      closed = false;
+    } else if (c == '"' && absl::StripAsciiWhitespace(fields.back()).empty() && !closed) {
+      fields.back().clear();
+      quoted = true;
+    } else if (!closed) {
+      fields.back() += c;
+    } else if (!absl::ascii_isspace(static_cast<unsigned char>(c))) {
+      return InvalidArgument(kQuotes);
+    }
+  }
+  if (quoted) return InvalidArgument(kQuotes);
+  return fields;
+}
+
 absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::string& file,
                                             const std::vector<std::string>& columns,
                                             CsvHeader header) {
@@ -125,10 +125,8 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
   for (const absl::string_view line : absl::StrSplit(WithoutMark(text), '\n')) {
     const std::string place = absl::StrCat(file, ":", ++number);
     if (absl::StripAsciiWhitespace(line).empty()) continue;
-    std::optional<std::vector<std::string>> fields = Fields(line);
-    if (!fields) {
-      return InvalidArgument(place, ": the double quotes do not match");
-    }
+    absl::StatusOr<std::vector<std::string>> fields = CsvFields(line);
+    if (!fields.ok()) return InvalidArgument(place, ": ", fields.status().message());
     if (!places) {
       if (header == CsvHeader::kAnyCase) {
         for (std::string& name : *fields) absl::AsciiStrToLower(&name);
@@ -155,7 +153,7 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
 std::vector<std::string> CsvColumns(absl::string_view text) {
   for (const absl::string_view line : absl::StrSplit(WithoutMark(text), '\n')) {
     if (absl::StripAsciiWhitespace(line).empty()) continue;
-    std::vector<std::string> names = Fields(line).value_or(std::vector<std::string>());
+    std::vector<std::string> names = CsvFields(line).value_or(std::vector<std::string>());
     for (std::string& name : names) absl::StripAsciiWhitespace(&name);
     return names;
   }

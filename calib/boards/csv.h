@@ -46,6 +46,10 @@ absl::StatusOr<std::vector<CsvRow>> CsvRows(const std::string& text, const std::
 // there is no such line, or a quote in it is open.
 std::vector<std::string> CsvColumns(absl::string_view text);
 
+// The fields of one line, which may end with a carriage return. InvalidArgument: a quote is open,
+// or text follows a closed one.
+absl::StatusOr<std::vector<std::string>> CsvFields(absl::string_view line);
+
 // A field as it is written: in quotes if it needs them.
 std::string CsvField(absl::string_view text);
 // A number with as few digits as give the same number when they are read.

@@ -6,20 +6,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_replace.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/segmentation_text.h"
+#include "tools/program/for_shell.h"
 #include "tools/program/program.h"
 
 namespace silhouette {
-
-std::string ForShell(const std::string& word) {
-  const bool plain = word.find_first_not_of(
-                         "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
-                         "_-./:@%+,=") == std::string::npos;
-  if (plain && !word.empty()) return word;
-  return absl::StrCat("'", absl::StrReplaceAll(word, {{"'", "'\\''"}}), "'");
-}
 
 std::string CellArguments::Command(const std::string& subcommand,
                                    const std::string& program) const {

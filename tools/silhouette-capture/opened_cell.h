@@ -27,9 +27,6 @@ struct CellArguments {
                       const std::string& program = "silhouette-capture") const;
 };
 
-// A word of a command line, quoted for a shell if it must be.
-std::string ForShell(const std::string& word);
-
 // Adds --cell, --database and --format.
 void AddCellOptions(CLI::App& command, CellArguments& arguments);
 // Adds --variant.

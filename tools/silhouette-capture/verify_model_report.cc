@@ -10,6 +10,7 @@
 #include "common/picture/sheet.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/for_shell.h"
 
 namespace silhouette {
 namespace {
@@ -17,7 +18,7 @@ namespace {
 constexpr int kPictureScale = 4;
 
 std::string Percents(uint64_t part, uint64_t whole) {
-  return absl::StrFormat("%.2f", 100 * Share(part, whole));
+  return absl::StrFormat("%.2f", 100 * ShareOf(part, whole));
 }
 
 // The link that grows most, as a line, if that is much.
@@ -34,10 +35,6 @@ std::string MuchGrowth(const ModelOfCell& model, const ModelComparison& found) {
 }
 
 }  // namespace
-
-double Share(uint64_t part, uint64_t whole) {
-  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
-}
 
 std::string Again(const VerifyModelOptions& options, size_t sample) {
   std::string command = options.cell.Command("verify-model");
@@ -118,19 +115,20 @@ nlohmann::ordered_json ComparisonJson(const ModelOfCell& model, const ModelCompa
     const ComparedLink& compared = found.links[link];
     json["links"].push_back({{"name", model.links[link]},
                              {"growth", compared.growth},
-                             {"uncaptured", Share(compared.uncaptured, compared.certain)}});
+                             {"uncaptured", ShareOf(compared.uncaptured, compared.certain)}});
   }
   for (size_t view = 0; view < model.views.size(); ++view) {
     const ComparedView& compared = found.views[view];
-    json["views"].push_back({{"name", model.views[view]},
-                             {"missing", Share(compared.missing, compared.captured)},
-                             {"masks_missing", compared.missing_by},
-                             {"unreached", Share(compared.unreached, compared.captured)},
-                             {"noise", Share(compared.noise, compared.captured)},
-                             {"uncaptured", Share(compared.uncaptured, compared.certain)},
-                             {"hidden", Share(compared.hidden, compared.certain + compared.hidden)},
-                             {"shift", {compared.mean_shift.x(), compared.mean_shift.y()}},
-                             {"mean_amount", compared.mean_amount}});
+    json["views"].push_back(
+        {{"name", model.views[view]},
+         {"missing", ShareOf(compared.missing, compared.captured)},
+         {"masks_missing", compared.missing_by},
+         {"unreached", ShareOf(compared.unreached, compared.captured)},
+         {"noise", ShareOf(compared.noise, compared.captured)},
+         {"uncaptured", ShareOf(compared.uncaptured, compared.certain)},
+         {"hidden", ShareOf(compared.hidden, compared.certain + compared.hidden)},
+         {"shift", {compared.mean_shift.x(), compared.mean_shift.y()}},
+         {"mean_amount", compared.mean_amount}});
   }
   return json;
 }

@@ -37,8 +37,6 @@ struct ModelOfCell {
   std::vector<std::string> views;
 };
 
-double Share(uint64_t part, uint64_t whole);
-
 // The command with another sample.
 std::string Again(const VerifyModelOptions& options, size_t sample);
 

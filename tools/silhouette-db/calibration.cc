@@ -14,6 +14,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "server/scene/scene_settings.h"
+#include "tools/program/for_shell.h"
 #include "tools/silhouette-db/calibration_files/calibration_files.h"
 #include "tools/silhouette-db/calibration_files/tested_calibration.h"
 #include "tools/silhouette-db/calibration_picture.h"
@@ -69,10 +70,20 @@ absl::StatusOr<std::unique_ptr<Database>> OpenForImport(const CalibrationOptions
   return Database::Create(options.database, description);
 }
 
-// What import did. `tested`: by the robot images.
+// The command that draws the stored robot images again; empty: none are drawn.
+absl::StatusOr<std::string> DrawAgainCommand(const CalibrationOptions& options,
+                                             const Database& database) {
+  ASSIGN_OR_RETURN(const auto drawn, DrawnByVariant(database));
+  if (drawn.empty()) return std::string();
+  return absl::StrCat("silhouette-capture draw --cell ",
+                      options.cell.empty() ? "CELL" : ForShell(options.cell),
+                      " --database NEW --from ", ForShell(options.database));
+}
+
+// What import did. `tested`: by the robot images. `next`: a command, or empty.
 void PrintImported(const CalibrationOptions& options, const storage::v1::Calibration& calibration,
                    const Contradictions& tested, uint64_t generation, bool is_new,
-                   const std::string& text) {
+                   const std::string& next, const std::string& text) {
   const PairContradictions* worst = tested.worst();
   const nlohmann::ordered_json share =
       worst == nullptr ? nlohmann::ordered_json(nullptr) : nlohmann::ordered_json(worst->share());
@@ -84,7 +95,8 @@ void PrintImported(const CalibrationOptions& options, const storage::v1::Calibra
       {"fundamental_matrices", calibration.fundamental_matrices_size()},
       {"changed", is_new},
       {"configurations", tested.configurations},
-      {"worst_contradicting_share", share}};
+      {"worst_contradicting_share", share},
+      {"next", next}};
   PrintResult(options.format, json, text);
 }
 
@@ -107,7 +119,7 @@ absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
     const auto stored = snapshot.Calibration();
     if (stored.ok() && *stored &&
         (*stored)->SerializeAsString() == calibration.SerializeAsString()) {
-      PrintImported(options, calibration, contradictions, snapshot.generation(), false,
+      PrintImported(options, calibration, contradictions, snapshot.generation(), false, "",
                     "the database has this calibration already; nothing is changed\n");
       return kDone;
     }
@@ -116,10 +128,17 @@ absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {
       calibration,
       absl::StrCat("silhouette-db calibration import ", absl::StrJoin(options.inputs, " "))));
   ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-  PrintImported(
-      options, calibration, contradictions, snapshot.generation(), true,
+  ASSIGN_OR_RETURN(const std::string next, DrawAgainCommand(options, database));
+  std::string text =
       absl::StrCat(CalibrationKindOf(calibration), " imported, generation ", snapshot.generation(),
-                   "; ", ContradictionText(contradictions, database.cell()), "\n", kTakenUp, "\n"));
+                   "; ", ContradictionText(contradictions, database.cell()), "\n", kTakenUp, "\n");
+  if (!next.empty()) {
+    absl::StrAppend(&text,
+                    "the server uses only robot images that were drawn from this calibration; "
+                    "verify the model again, then draw them: ",
+                    next, "\n");
+  }
+  PrintImported(options, calibration, contradictions, snapshot.generation(), true, next, text);
   return kDone;
 }
 

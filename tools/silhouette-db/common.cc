@@ -11,6 +11,7 @@
 #include "common/numbers/numbers.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/for_shell.h"
 #include "tools/silhouette-db/commands.h"
 
 namespace silhouette {
@@ -44,6 +45,17 @@ absl::StatusOr<std::unique_ptr<Database>> OpenOfCell(const std::string& path, co
   return absl::FailedPreconditionError(absl::StrCat("database '", path,
                                                     "' is not that of cell file '", cell.file,
                                                     "': ", absl::StrJoin(differences, "; ")));
+}
+
+absl::StatusOr<std::map<std::string, storage::v1::DrawnImages>> DrawnByVariant(
+    const Database& database) {
+  std::map<std::string, storage::v1::DrawnImages> drawn_by_variant;
+  ASSIGN_OR_RETURN(const std::vector<VariantState> variants, database.ReadVariants());
+  for (const VariantState& variant : variants) {
+    ASSIGN_OR_RETURN(const auto drawn, variant.snapshot.DrawnImages());
+    if (drawn) drawn_by_variant[variant.database->variant()] = *drawn;
+  }
+  return drawn_by_variant;
 }
 
 void AddVariantOption(CLI::App& command, std::string& variant) {
@@ -104,7 +116,7 @@ Picture EnlargedTo(int side, const Picture& picture) {
 std::string StateText(const CollisionIndexSummary& summary, const std::string& database) {
   const std::string name = StateName(summary);
   if (summary.tiles == 0) return "none, there are no robot images";
-  const std::string mend = absl::StrCat("silhouette-db index ", database);
+  const std::string mend = absl::StrCat("silhouette-db index ", ForShell(database));
   if (name == "none") return absl::StrCat("none; build it with: ", mend);
   if (name == "fresh") {
     return absl::StrCat("fresh, ", Counted(summary.tiles, "tile"), ", ", MiB(summary.bytes),

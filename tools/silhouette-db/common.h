@@ -2,6 +2,7 @@
 // What several subcommands need: opening a database, choosing configurations, describing them.
 #pragma once
 
+#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
@@ -27,6 +28,11 @@ absl::StatusOr<OpenedDatabase> OpenForReading(const std::string& path,
 
 // For writing. NotFound: there is none; FailedPrecondition: it is of another cell.
 absl::StatusOr<std::unique_ptr<Database>> OpenOfCell(const std::string& path, const Cell& cell);
+
+// What the robot images of each variant were drawn from, by the variant's name; captured ones are
+// not among them.
+absl::StatusOr<std::map<std::string, storage::v1::DrawnImages>> DrawnByVariant(
+    const Database& database);
 
 // The view of a name, by its place in the cell's views; the first one if it is empty.
 // InvalidArgument, naming those that there are.

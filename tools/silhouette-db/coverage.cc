@@ -4,6 +4,7 @@
 #include <array>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <unordered_map>
 
 #include "absl/strings/str_format.h"
 #include "common/numbers/numbers.h"
@@ -29,28 +30,20 @@ std::vector<LegendEntry> StateClasses() {
           {palette::kDamaged, "damaged"}};
 }
 
-// The state of every place by number.
-absl::StatusOr<std::vector<uint8_t>> StatesOf(const OpenedDatabase& opened) {
-  std::vector<uint8_t> states(opened.database->grid().number_limit(), kMissing);
-  const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
-    states[number] = !image.ok() ? kDamaged : image->excluded ? kExcluded : kCaptured;
-    return true;
-  };
-  const absl::Status status = opened.snapshot.ForEach(visit);
-  if (!status.ok() && !absl::IsDataLoss(status)) return status;
-  return states;
-}
+// Of configurations that have a record.
+using States = std::unordered_map<ConfigurationNumber, State>;
 
 // The states of the slice along joint `x` and, unless it is -1, joint `y`.
-std::vector<uint8_t> CellsOf(const ConfigurationGrid& grid, const std::vector<uint8_t>& states,
-                             int x, int y, GridIndex index) {
+std::vector<uint8_t> CellsOf(const ConfigurationGrid& grid, const States& states, int x, int y,
+                             GridIndex index) {
   const auto steps = [&](int j) { return j < 0 ? 1 : grid.joints()[static_cast<size_t>(j)].steps; };
   std::vector<uint8_t> cells;
   for (int b = 0; b < steps(y); ++b) {
     if (y >= 0) index[static_cast<size_t>(y)] = b;
     for (int a = 0; a < steps(x); ++a) {
       index[static_cast<size_t>(x)] = a;
-      cells.push_back(states[grid.NumberOf(index)]);
+      const auto found = states.find(grid.NumberOf(index));
+      cells.push_back(found == states.end() ? kMissing : found->second);
     }
   }
   return cells;
@@ -66,7 +59,7 @@ ChartAxis AxisOf(const ConfigurationGrid& grid, int j) {
           .cells = joint.steps};
 }
 
-Picture Chart(const ConfigurationGrid& grid, const std::vector<uint8_t>& states, int x, int y) {
+Picture Chart(const ConfigurationGrid& grid, const States& states, int x, int y) {
   ConfigurationChart chart;
   chart.title = "Configurations in the database";
   chart.x = AxisOf(grid, x);
@@ -77,8 +70,7 @@ Picture Chart(const ConfigurationGrid& grid, const std::vector<uint8_t>& states,
 }
 
 // One small picture per value of joint `z`.
-Picture Slices(const ConfigurationGrid& grid, const std::vector<uint8_t>& states, int x, int y,
-               int z) {
+Picture Slices(const ConfigurationGrid& grid, const States& states, int x, int y, int z) {
   const std::vector<LegendEntry> classes = StateClasses();
   const GridJoint& along = grid.joints()[static_cast<size_t>(z)];
   const int width = grid.joints()[static_cast<size_t>(x)].steps;
@@ -110,8 +102,7 @@ Picture Slices(const ConfigurationGrid& grid, const std::vector<uint8_t>& states
                        .legend = classes});
 }
 
-absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
-                                      const std::vector<uint8_t>& states) {
+absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid, const States& states) {
   std::vector<int> moving = MovingJoints(grid);
   if (moving.empty()) moving.push_back(0);
   if (moving.size() > 3) {
@@ -133,10 +124,18 @@ absl::StatusOr<Picture> CoveragePaint(const ConfigurationGrid& grid,
 absl::StatusOr<ExitCode> Coverage(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
   const ConfigurationGrid& grid = opened.database->grid();
-  ASSIGN_OR_RETURN(const std::vector<uint8_t> states, StatesOf(opened));
   std::array<uint64_t, kStates> counts{};
-  for (uint8_t state : states) ++counts[state];
-  counts[kMissing] -= grid.number_limit() - grid.size();
+  counts[kMissing] = grid.size();
+  States states;  // for the picture
+  const auto visit = [&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+    const State state = !image.ok() ? kDamaged : image->excluded ? kExcluded : kCaptured;
+    --counts[kMissing];
+    ++counts[state];
+    if (!options.picture.empty()) states[number] = state;
+    return true;
+  };
+  const absl::Status status = opened.snapshot.ForEach(visit);
+  if (!status.ok() && !absl::IsDataLoss(status)) return status;
   if (!options.picture.empty()) {
     ASSIGN_OR_RETURN(const Picture picture, CoveragePaint(grid, states));
     RETURN_IF_ERROR(WritePng(options.picture, picture));

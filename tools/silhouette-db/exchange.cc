@@ -5,17 +5,20 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stdexcept>
 #include <utility>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "calib/boards/csv.h"
+#include "capture/segmentation/reference.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
 #include "common/picture/mask_png.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
@@ -48,59 +51,39 @@ absl::StatusOr<absl::Time> ParseTime(const std::string& column, const std::strin
       absl::StrCat(column, " '", text, "' is not a time such as 2024-05-01T12:00:00Z"));
 }
 
-absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder,
-                                                     const std::vector<std::string>& cells) {
+absl::StatusOr<std::string> ReadImageFile(const std::string& path) {
+  RETURN_IF_ERROR(RefusePipe(path));
+  ASSIGN_OR_RETURN(std::string bytes, ReadWholeFile(path));
+  if (!ImageOfBytes(bytes, cv::IMREAD_UNCHANGED).empty()) return bytes;
+  return InvalidArgument("'", path, "' is not an image, or is damaged");
+}
+
+absl::StatusOr<storage::v1::Reference> ReadReference(const std::string& folder, const CsvRow& row,
+                                                     const storage::v1::View& view) {
   storage::v1::Reference reference;
-  int images = 0;
-  if (!absl::SimpleAtoi(cells[1], &images)) {
-    return absl::InvalidArgumentError(absl::StrCat("images: '", cells[1], "' is not a number"));
-  }
-  reference.set_images(images);
-  if (!cells[2].empty()) {
-    ASSIGN_OR_RETURN(const absl::Time time, ParseTime("time", cells[2]));
+  if (const std::string& text = row.Text(2); !text.empty()) {
+    ASSIGN_OR_RETURN(const absl::Time time, ParseTime("time", text));
     const int64_t nanoseconds = absl::ToUnixNanos(time);
     reference.mutable_time()->set_seconds(nanoseconds / 1'000'000'000);
     reference.mutable_time()->set_nanos(static_cast<int32_t>(nanoseconds % 1'000'000'000));
   }
-  for (const size_t i : {3u, 4u}) RETURN_IF_ERROR(RefusePipe(fs::path(folder) / cells[i]));
-  ASSIGN_OR_RETURN(*reference.mutable_mean_png(), ReadWholeFile(fs::path(folder) / cells[3]));
-  ASSIGN_OR_RETURN(*reference.mutable_noise_png(), ReadWholeFile(fs::path(folder) / cells[4]));
-  return reference;
+  ASSIGN_OR_RETURN(*reference.mutable_mean_png(), ReadImageFile(fs::path(folder) / row.Text(3)));
+  ASSIGN_OR_RETURN(*reference.mutable_noise_png(), ReadImageFile(fs::path(folder) / row.Text(4)));
+  ASSIGN_OR_RETURN(const Reference usable,
+                   Reference::FromPng(reference.mean_png(), reference.noise_png()));
+  const cv::Size size(view.image_width(), view.image_height());
+  if (size.empty() || usable.size() == size) return reference;
+  return InvalidArgument("the reference image of the view '", view.name(), "' is ",
+                         usable.size().width, "x", usable.size().height,
+                         " pixels large and should be ", size.width, "x", size.height);
 }
 
 }  // namespace
 
 std::string CsvLine(const std::vector<std::string>& cells) {
-  std::vector<std::string> quoted;
-  for (const std::string& cell : cells) {
-    if (cell.find_first_of(",\"\r\n") == std::string::npos) {
-      quoted.push_back(cell);
-      continue;
-    }
-    std::string text = "\"";
-    for (char c : cell) text += c == '"' ? std::string("\"\"") : std::string(1, c);
-    quoted.push_back(text + "\"");
-  }
-  return absl::StrJoin(quoted, ",");
-}
-
-absl::StatusOr<std::vector<std::string>> ParseCsvLine(std::string_view line) {
-  std::vector<std::string> cells(1);
-  bool quoted = false;
-  for (size_t i = 0; i < line.size(); ++i) {
-    const char c = line[i];
-    if (quoted && c == '"' && i + 1 < line.size() && line[i + 1] == '"') {
-      cells.back() += line[++i];
-    } else if (c == '"' && (quoted || cells.back().empty())) {
-      quoted = !quoted;
-    } else if (c == ',' && !quoted) {
-      cells.emplace_back();
-    } else {
-      cells.back() += c;
-    }
-  }
-  if (quoted) return absl::InvalidArgumentError("a quotation mark is not closed");
-  return cells;
+  return absl::StrJoin(cells, ",", [](std::string* line, const std::string& cell) {
+    absl::StrAppend(line, CsvField(cell));
+  });
 }
 
 std::vector<std::string> AllJoints(const CellDescription& cell) {
@@ -149,21 +132,21 @@ TableReader::TableReader(std::string folder, const Cell& cell, ConfigurationGrid
       grid_(std::move(grid)),
       mask_sizes_(std::move(mask_sizes)) {}
 
-absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std::string_view header,
-                                                    const Cell& cell) {
+absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv,
+                                                    absl::string_view header, const Cell& cell) {
   const CellDescription description = DescriptionOf(cell);
   ASSIGN_OR_RETURN(ConfigurationGrid grid, GridOf(description));
   ASSIGN_OR_RETURN(std::vector<MaskSize> mask_sizes, MaskSizesOf(description));
   ASSIGN_OR_RETURN(const std::vector<std::string> known, ColumnsOf(description));
-  ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(header));
-
   TableReader reader(fs::path(csv).parent_path().string(), cell, std::move(grid),
                      std::move(mask_sizes));
   const auto fault = [&](auto... parts) {
     return absl::InvalidArgumentError(absl::StrCat(csv, ":1: ", parts...));
   };
-  for (size_t i = 0; i < cells.size(); ++i) {
-    const std::string& name = cells[i];
+  const absl::StatusOr<std::vector<std::string>> cells = CsvFields(header);
+  if (!cells.ok()) return fault(cells.status().message());
+  for (size_t i = 0; i < cells->size(); ++i) {
+    const std::string& name = (*cells)[i];
     if (std::find(known.begin(), known.end(), name) == known.end()) {
       return fault("column '", name, "' is neither a joint nor a view of cell '", cell.name,
                    "'; write its columns with commas between them: ", absl::StrJoin(known, ","));
@@ -189,8 +172,8 @@ absl::StatusOr<TableReader> TableReader::FromHeader(const std::string& csv, std:
   return reader;
 }
 
-absl::StatusOr<RobotImage> TableReader::Read(std::string_view line) const {
-  ASSIGN_OR_RETURN(const std::vector<std::string> cells, ParseCsvLine(line));
+absl::StatusOr<RobotImage> TableReader::Read(absl::string_view line) const {
+  ASSIGN_OR_RETURN(const std::vector<std::string> cells, CsvFields(line));
   if (cells.size() != columns_.size()) {
     return absl::InvalidArgumentError(
         absl::StrCat("it has ", cells.size(), " cells, the header has ", columns_.size()));
@@ -345,31 +328,27 @@ absl::StatusOr<std::optional<storage::v1::References>> ImportReferences(
   const absl::StatusOr<std::string> table = ReadWholeFile(path);
   if (absl::IsNotFound(table.status())) return std::optional<storage::v1::References>();
   if (!table.ok()) return table.status();
-  storage::v1::References references;
-  int line = 0;
-  for (absl::string_view text : absl::StrSplit(*table, '\n', absl::SkipWhitespace())) {
-    const auto fault = [&](auto... parts) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ":", line, ": ", parts...));
-    };
-    if (++line == 1) {
-      if (absl::StripAsciiWhitespace(text) != kReferencesHeader)
-        return fault("the header is not ", kReferencesHeader);
-      continue;
-    }
-    const absl::StatusOr<std::vector<std::string>> cells =
-        ParseCsvLine(std::string(absl::StripAsciiWhitespace(text)));
-    if (!cells.ok()) return fault(cells.status().message());
-    const int view = references.views_size();
-    if (cells->size() != 5 || view >= cell.views_size() || (*cells)[0] != cell.views(view).name()) {
-      return fault("there must be one row of 5 cells per view, in the order of the cell file");
-    }
-    absl::StatusOr<storage::v1::Reference> reference = ReadReference(folder, *cells);
-    if (!reference.ok()) return fault(reference.status().message());
-    *references.add_views() = *std::move(reference);
+  ASSIGN_OR_RETURN(const std::vector<CsvRow> rows,
+                   CsvRows(*table, path, absl::StrSplit(kReferencesHeader, ',')));
+  if (static_cast<int>(rows.size()) != cell.views_size()) {
+    return InvalidArgument(path, ": it needs a row for each of the ", cell.views_size(),
+                           " views, and has ", rows.size());
   }
-  if (references.views_size() != cell.views_size()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": there are ", references.views_size(),
-                                                   " rows for ", cell.views_size(), " views"));
+  storage::v1::References references;
+  for (const CsvRow& row : rows) {
+    const storage::v1::View& view = cell.views(references.views_size());
+    if (row.Text(0) != view.name()) {
+      return InvalidArgument(row.place(), ": the view here is '", view.name(), "', not '",
+                             row.Text(0), "': write the rows in the order of the cell file");
+    }
+    ASSIGN_OR_RETURN(const int images, row.Integer(1));
+    absl::StatusOr<storage::v1::Reference> reference = ReadReference(folder, row, view);
+    if (!reference.ok()) {
+      return absl::Status(reference.status().code(),
+                          absl::StrCat(row.place(), ": ", reference.status().message()));
+    }
+    reference->set_images(images);
+    *references.add_views() = *std::move(reference);
   }
   return std::optional<storage::v1::References>(std::move(references));
 }

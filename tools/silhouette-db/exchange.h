@@ -17,11 +17,11 @@
 #include <map>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "db/store/store.h"
 #include "tools/cell/cell.h"
 
@@ -30,9 +30,8 @@ namespace silhouette {
 inline constexpr char kConfigurationsFile[] = "configurations.csv";
 inline constexpr char kReferencesFile[] = "references.csv";
 
-// A line of a CSV file, without its end, and its cells. InvalidArgument if a quote is not closed.
+// A line of a CSV file, without its end.
 std::string CsvLine(const std::vector<std::string>& cells);
-absl::StatusOr<std::vector<std::string>> ParseCsvLine(std::string_view line);
 
 // The names of all joints of a cell, in the order of RobotImage::measured.
 std::vector<std::string> AllJoints(const storage::v1::CellDescription& cell);
@@ -48,12 +47,12 @@ class TableReader {
  public:
   // `csv`: the file's path. InvalidArgument, naming the file, if a column is missing, unknown or
   // there twice.
-  static absl::StatusOr<TableReader> FromHeader(const std::string& csv, std::string_view header,
+  static absl::StatusOr<TableReader> FromHeader(const std::string& csv, absl::string_view header,
                                                 const Cell& cell);
 
   // The record of a row, its masks read from their files. Everything is checked; the message does
   // not name the row.
-  absl::StatusOr<RobotImage> Read(std::string_view line) const;
+  absl::StatusOr<RobotImage> Read(absl::string_view line) const;
 
  private:
   TableReader(std::string folder, const Cell& cell, ConfigurationGrid grid,
@@ -78,7 +77,9 @@ class TableReader {
   std::map<std::string, size_t> columns_;  // by name
 };
 
-// Writes, and reads, references.csv and its files. Reading gives nothing if there is no such file.
+// Writes, and reads, references.csv and its files. Reading gives nothing if there is no such file,
+// and fails unless every view has a mean and a noise that background subtraction can use.
+// Reference::with_robot is not among what they state.
 absl::Status ExportReferences(const std::string& folder, const storage::v1::CellDescription& cell,
                               const storage::v1::References& references);
 absl::StatusOr<std::optional<storage::v1::References>> ImportReferences(

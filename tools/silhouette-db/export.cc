@@ -96,8 +96,20 @@ class Exporter {
   std::set<std::string> made_;
 };
 
+// A table does not state that robot images were drawn: read again, they would pass for captured
+// ones.
+absl::Status CheckCaptured(const Database& database) {
+  ASSIGN_OR_RETURN(const auto drawn, DrawnByVariant(database));
+  if (drawn.empty()) return absl::OkStatus();
+  return FailedPrecondition("the robot images in '", database.path(),
+                            "' were drawn, and only captured ones are exported; draw them again "
+                            "with 'silhouette-capture draw', or copy the database with "
+                            "'silhouette-db compact'");
+}
+
 absl::StatusOr<ExitCode> ExportHere(const ExportOptions& options) {
   ASSIGN_OR_RETURN(const OpenedDatabase opened, OpenForReading(options.database, options.variant));
+  RETURN_IF_ERROR(CheckCaptured(*opened.database));
   CatchStopSignals();
   Exporter exporter(*opened.database, options.folder);
   RETURN_IF_ERROR(exporter.Begin());
@@ -158,6 +170,7 @@ void AddExport(CLI::App& app, Work& work) {
   command.add_option("folder,--folder", options.folder, "New folder")->required();
   AddFormatOption(command, options.format);
   command.footer(
+      "Drawn robot images are refused: they would be imported as captured ones.\n"
       "Exit code 1: robot images were left out, for they are damaged, or suspect: captured while\n"
       "the cell may have changed.\n\n"
       "Example:\n  silhouette-db export cell.lmdb masks/");

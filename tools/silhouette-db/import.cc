@@ -15,6 +15,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
+#include "tools/program/for_shell.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -57,26 +58,30 @@ bool IsEmpty(const Database& database) {
 
 // Other robot images must not pass for those that were drawn.
 absl::Status CheckNotDrawn(const Database& database) {
-  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-  ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
-  if (!drawn) return absl::OkStatus();
+  ASSIGN_OR_RETURN(const auto drawn, DrawnByVariant(database));
+  if (drawn.empty()) return absl::OkStatus();
   return FailedPrecondition("the robot images in '", database.path(),
                             "' were drawn; import into another database");
 }
 
-// Reads row after row; what is wrong with one does not keep the others out.
+// Reads row after row; what is wrong with one does not keep the others out. The first good one
+// makes the variant if it is missing.
 class Importer {
  public:
-  Importer(std::string csv, const Database& database, RobotImageWriter& writer, bool replace)
-      : csv_(std::move(csv)), database_(database), writer_(writer), replace_(replace) {}
+  // `program`: for the provenance log.
+  Importer(std::string csv, Database& whole, const ImportOptions& options, std::string program)
+      : csv_(std::move(csv)), whole_(whole), options_(options), program_(std::move(program)) {}
 
+  uint64_t committed() const { return writer_ ? writer_->committed() : 0; }
   uint64_t there_already() const { return there_already_; }
   uint64_t faults() const { return faults_; }
 
   // Only what keeps all further rows out, too, is an error.
-  absl::Status Take(const TableReader& table, std::string_view row, uint64_t line,
+  absl::Status Take(const TableReader& table, const std::string& row, uint64_t line,
                     Progress& progress) {
-    absl::Status status = TakeRow(table, row, line);
+    const absl::StatusOr<RobotImage> image = ReadRow(table, row, line);
+    if (image.ok() && !writer_) RETURN_IF_ERROR(OpenVariant());
+    const absl::Status status = image.ok() ? Store(*image) : image.status();
     const bool mistake = absl::IsInvalidArgument(status) || absl::IsNotFound(status) ||
                          absl::IsAlreadyExists(status) || absl::IsFailedPrecondition(status);
     if (!mistake) return status;
@@ -85,20 +90,34 @@ class Importer {
     return absl::OkStatus();
   }
 
+  absl::Status Commit() { return writer_ ? writer_->Commit() : absl::OkStatus(); }
+
  private:
-  absl::Status TakeRow(const TableReader& table, std::string_view row, uint64_t line) {
-    ASSIGN_OR_RETURN(const RobotImage image, table.Read(row));
+  absl::StatusOr<RobotImage> ReadRow(const TableReader& table, const std::string& row,
+                                     uint64_t line) {
+    ASSIGN_OR_RETURN(RobotImage image, table.Read(row));
     const auto [first, is_first] = lines_.emplace(image.number, line);
-    if (!is_first) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("the same configuration is in line ", first->second));
+    if (is_first) return image;
+    return InvalidArgument("the same configuration is in line ", first->second);
+  }
+
+  absl::Status OpenVariant() {
+    auto opened = whole_.OpenVariant(options_.variant);
+    if (absl::IsNotFound(opened.status())) {
+      opened = whole_.CreateVariant(options_.variant, program_);
     }
-    const absl::Status status = writer_.Put(image, replace_);
+    ASSIGN_OR_RETURN(database_, std::move(opened));
+    ASSIGN_OR_RETURN(writer_, database_->Write(program_));
+    return absl::OkStatus();
+  }
+
+  absl::Status Store(const RobotImage& image) {
+    const absl::Status status = writer_->Put(image, options_.replace);
     return absl::IsAlreadyExists(status) ? CheckSame(image) : status;
   }
 
   absl::Status CheckSame(const RobotImage& image) {
-    ASSIGN_OR_RETURN(const Snapshot snapshot, database_.Read());
+    ASSIGN_OR_RETURN(const Snapshot snapshot, database_->Read());
     const auto stored = snapshot.Find(image.number);
     if (!stored.ok() && !absl::IsDataLoss(stored.status())) return stored.status();
     if (!stored.ok() || !*stored || **stored != image) {
@@ -110,9 +129,11 @@ class Importer {
   }
 
   const std::string csv_;
-  const Database& database_;
-  RobotImageWriter& writer_;
-  const bool replace_;
+  Database& whole_;
+  const ImportOptions& options_;
+  const std::string program_;
+  std::unique_ptr<Database> database_;      // the variant; null before the first good row
+  std::optional<RobotImageWriter> writer_;  // likewise
   std::unordered_map<ConfigurationNumber, uint64_t> lines_;
   uint64_t there_already_ = 0;
   uint64_t faults_ = 0;
@@ -131,39 +152,43 @@ bool NextLine(std::ifstream& file, std::string& line) {
   return true;
 }
 
-// Feeds all rows to `importer`, then commits.
-absl::Status TakeAll(const std::string& csv, const TableReader& table, std::ifstream& file,
-                     Importer& importer, RobotImageWriter& writer) {
-  Progress progress("import", CountLines(csv), "lines");
-  absl::Status status;
-  std::string row;
-  for (uint64_t line = 2;
-       status.ok() && importer.faults() < kMostFaults && !StopRequested() && NextLine(file, row);
-       ++line) {
-    if (!row.empty()) status = importer.Take(table, row, line, progress);
-    progress.Update(line);
-  }
-  const absl::Status committed = writer.Commit();
-  return status.ok() ? committed : status;
-}
-
-// Stores reference images that differ from those of the database.
-absl::Status TakeReferences(const storage::v1::References& references, const std::string& program,
-                            Database& database) {
-  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
-  ASSIGN_OR_RETURN(const auto stored, snapshot.References());
-  if (stored && stored->SerializeAsString() == references.SerializeAsString()) {
-    return absl::OkStatus();
-  }
-  return database.SetReferences(references, program);
-}
-
 struct ImportSource {
   std::string csv;
   TableReader table;
   std::ifstream file;  // at the first row below the header
   std::optional<storage::v1::References> references;
 };
+
+// Feeds all rows to `importer`, then commits.
+absl::Status TakeAll(ImportSource& source, Importer& importer) {
+  Progress progress("import", CountLines(source.csv), "lines");
+  absl::Status status;
+  std::string row;
+  for (uint64_t line = 2; status.ok() && importer.faults() < kMostFaults && !StopRequested() &&
+                          NextLine(source.file, row);
+       ++line) {
+    if (!row.empty()) status = importer.Take(source.table, row, line, progress);
+    progress.Update(line);
+  }
+  const absl::Status committed = importer.Commit();
+  return status.ok() ? committed : status;
+}
+
+// Whether reference images are to be stored. FailedPrecondition: the database has others, and
+// `replace` is false.
+absl::StatusOr<bool> BringsReferences(const ImportSource& source, const Database& database,
+                                      bool replace) {
+  if (!source.references) return false;
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(auto stored, snapshot.References());
+  if (!stored) return true;
+  for (auto& view : *stored->mutable_views()) view.clear_with_robot();  // as if they were exported
+  if (stored->SerializeAsString() == source.references->SerializeAsString()) return false;
+  if (replace) return true;
+  const std::string file = fs::path(source.csv).parent_path() / kReferencesFile;
+  return FailedPrecondition("database '", database.path(), "' has other reference images than '",
+                            file, "'; delete this file to keep them, or give --replace");
+}
 
 // The share of a mask's outermost pixels that are set.
 double ShareOfRim(const Mask& mask) {
@@ -236,27 +261,22 @@ absl::Status RefuseInverted(ImportSource& source, const storage::v1::CellDescrip
 
 absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& options,
                                     ImportSource& source) {
-  const std::string program = absl::StrCat("silhouette-db import ", options.folder);
-  auto opened = whole.OpenVariant(options.variant);
-  if (absl::IsNotFound(opened.status())) opened = whole.CreateVariant(options.variant, program);
-  ASSIGN_OR_RETURN(const std::unique_ptr<Database> database, std::move(opened));
-  RETURN_IF_ERROR(CheckNotDrawn(*database));
+  RETURN_IF_ERROR(CheckNotDrawn(whole));
+  ASSIGN_OR_RETURN(const bool brings_references, BringsReferences(source, whole, options.replace));
   if (!options.robot_fills_view) RETURN_IF_ERROR(RefuseInverted(source, whole.cell()));
-  ASSIGN_OR_RETURN(RobotImageWriter writer, database->Write(program));
-  Importer importer(source.csv, *database, writer, options.replace);
-  absl::Status status = TakeAll(source.csv, source.table, source.file, importer, writer);
-  if (status.ok() && source.references) {
-    status = TakeReferences(*source.references, program, *database);
-  }
+  const std::string program = absl::StrCat("silhouette-db import ", options.folder);
+  Importer importer(source.csv, whole, options, program);
+  absl::Status status = TakeAll(source, importer);
+  if (status.ok() && brings_references) status = whole.SetReferences(*source.references, program);
   const std::string& path = whole.path();
   const bool complete = status.ok() && !StopRequested() && importer.faults() == 0;
-  const std::string next = complete ? absl::StrCat("silhouette-db index ", path) : "";
-  std::string text = Counted(writer.committed(), "record") + " imported into " + path;
+  const std::string next = complete ? absl::StrCat("silhouette-db index ", ForShell(path)) : "";
+  std::string text = Counted(importer.committed(), "record") + " imported into " + path;
   if (importer.there_already() > 0) {
     absl::StrAppend(&text, ", ", importer.there_already(), " were there already");
   }
   const nlohmann::ordered_json json = {{"database", path},
-                                       {"imported", writer.committed()},
+                                       {"imported", importer.committed()},
                                        {"there_already", importer.there_already()},
                                        {"wrong_lines", importer.faults()},
                                        {"complete", complete},
@@ -334,7 +354,7 @@ void AddImport(CLI::App& app, Work& work) {
   command.add_option("--variant", options.variant, "The variant; made if it is missing")
       ->capture_default_str();
   command.add_flag("--replace", options.replace,
-                   "Replace existing records instead of comparing them");
+                   "Replace existing records and reference images instead of comparing them");
   command.add_flag("--robot-fills-view", options.robot_fills_view,
                    "Import masks that show the robot nearly everywhere, as inverted ones would");
   AddFormatOption(command, options.format);

@@ -11,6 +11,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
+#include "tools/program/for_shell.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-db/commands.h"
 #include "tools/silhouette-db/common.h"
@@ -52,7 +53,7 @@ void PrintReport(const IndexOptions& options, const IndexBuildReport& report,
         &text,
         "left out           %d records that cannot be read; name them with: silhouette-db verify "
         "%s\n",
-        report.unreadable, options.database);
+        report.unreadable, ForShell(options.database));
   }
   PrintResult(options.format,
               {{"complete", !report.stopped},
@@ -83,7 +84,8 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
   std::cout << std::flush;
   std::cerr << "stopped, " << report.tiles - report.done
             << " tiles are left; what is built stays; go on with: silhouette-db index "
-            << options.database << (options.variant.empty() ? "" : " --variant " + options.variant)
+            << ForShell(options.database)
+            << (options.variant.empty() ? "" : " --variant " + options.variant)
             << (options.all ? " --all (begins with the first again)" : "") << std::endl;
   return kNo;
 }

@@ -133,17 +133,6 @@ void AppendDrawn(const std::map<std::string, storage::v1::DrawnImages>& drawn_by
   text += Paragraph(table);
 }
 
-absl::StatusOr<std::map<std::string, storage::v1::DrawnImages>> DrawnByVariant(
-    const Database& database) {
-  std::map<std::string, storage::v1::DrawnImages> drawn_by_variant;
-  ASSIGN_OR_RETURN(const std::vector<VariantState> variants, database.ReadVariants());
-  for (const VariantState& variant : variants) {
-    ASSIGN_OR_RETURN(const auto drawn, variant.snapshot.DrawnImages());
-    if (drawn) drawn_by_variant[variant.database->variant()] = *drawn;
-  }
-  return drawn_by_variant;
-}
-
 absl::StatusOr<ExitCode> Info(const DatabaseOptions& options) {
   ASSIGN_OR_RETURN(OpenedDatabase opened, OpenForReading(options.database));
   const Database& database = *opened.database;

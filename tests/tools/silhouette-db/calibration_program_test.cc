@@ -76,20 +76,30 @@ class CalibrationProgram : public ProgramTest {
   void SetUp() override {
     const auto database = Database::Create(folder_ / "db", TestCell(6, 5));
     ASSERT_TRUE(database.ok()) << database.status();
-    auto writer = (*database)->Write("test");
+    PutBalls(**database, AllNumbers((*database)->grid()));
+    WriteCameras("cameras", TrueCameras());
+    std::vector<CameraModel> moved = TrueCameras();
+    Eigen::Isometry3d pose = moved[0].camera_from_world();
+    pose.translation().x() += 0.5;
+    moved[0] = CameraModel(moved[0].intrinsics(), pose);
+    WriteCameras("moved", moved);
+  }
+
+  // Stores what the cameras see of the ball.
+  static void PutBalls(Database& database, const std::vector<ConfigurationNumber>& numbers) {
+    auto writer = database.Write("test");
     const std::vector<CameraModel> cameras = TrueCameras();
-    for (const ConfigurationNumber number : AllNumbers((*database)->grid())) {
-      const Configuration q = (*database)->grid().At(number);
+    for (const ConfigurationNumber number : numbers) {
+      const Configuration q = database.grid().At(number);
       RobotImage image;
       image.number = number;
       for (size_t i = 0; i < cameras.size(); ++i) {
-        image.masks.push_back(BallMask(cameras[i], (*database)->mask_sizes()[i],
+        image.masks.push_back(BallMask(cameras[i], database.mask_sizes()[i],
                                        {0.3 * q[0], 0.1 * (q[1] - q[0]), 0.4 + 0.3 * q[1]}));
       }
       ASSERT_TRUE(writer->Put(image).ok());
     }
     ASSERT_TRUE(writer->Commit().ok());
-    WriteCameras("cameras", TrueCameras());
   }
 
   void WriteCameras(const std::string& name, const std::vector<CameraModel>& cameras) const {
@@ -143,7 +153,7 @@ TEST_F(CalibrationProgram, ImportMakesTheDatabaseOfACellWhoseImagesAreDrawn) {
   const Ended ended = Run("import new cameras --cell cell.yaml");
   ASSERT_EQ(ended.exit_code, 0) << ended.err;
   EXPECT_THAT(ended.out, AllOf(HasSubstr("2 camera models imported"),
-                               HasSubstr("there are no robot images to test")));
+                               HasSubstr("there are no captured robot images to test")));
   EXPECT_EQ(ended.err, "") << "of no robot images there is no progress";
   const auto database = Database::Open(folder_ / "new", Database::Access::kRead);
   ASSERT_TRUE(database.ok()) << database.status();
@@ -212,11 +222,6 @@ TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {
 }
 
 TEST_F(CalibrationProgram, ACalibrationThatTheRobotImagesContradictIsTakenOnlyByForce) {
-  std::vector<CameraModel> cameras = TrueCameras();
-  Eigen::Isometry3d moved = cameras[0].camera_from_world();
-  moved.translation().x() += 0.5;
-  cameras[0] = CameraModel(cameras[0].intrinsics(), moved);
-  WriteCameras("moved", cameras);
   const uint64_t before = Generation();
   const Ended refused = Run("import db moved");
   EXPECT_EQ(refused.exit_code, 2);
@@ -232,6 +237,45 @@ TEST_F(CalibrationProgram, ACalibrationThatTheRobotImagesContradictIsTakenOnlyBy
   // The true one is let in again.
   EXPECT_EQ(Run("import db cameras").exit_code, 0);
   EXPECT_EQ(Shown()["worst_contradicting_share"], 0);
+}
+
+TEST_F(CalibrationProgram, DrawnRobotImagesDoNotTestTheCalibrationAndMustBeDrawnAgain) {
+  {
+    const auto database = Database::Create(folder_ / "drawn cell", TestCell(6, 5)).value();
+    storage::v1::DrawnImages drawn;
+    drawn.set_digest("00ff");
+    drawn.set_shards(1);
+    ASSERT_TRUE(database->SetDrawnImages(drawn, "test").ok());
+    PutBalls(*database, AllNumbers(database->grid()));
+  }
+  ASSERT_EQ(Run("import 'drawn cell' cameras").exit_code, 0);
+  const Ended again = Run("import 'drawn cell' moved");
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_THAT(again.out,
+              AllOf(HasSubstr("there are no captured robot images to test the calibration with"),
+                    HasSubstr("the server uses only robot images that were drawn from this "
+                              "calibration; verify the model again, then draw them: "
+                              "silhouette-capture draw --cell CELL --database NEW --from 'drawn "
+                              "cell'\n")));
+  EXPECT_EQ(Json::parse(Run("show 'drawn cell' --format json").out)["configurations"], 0);
+  EXPECT_EQ(Run("show 'drawn cell' --picture bands.png").exit_code, 0);
+  EXPECT_EQ(Json::parse(Run("import 'drawn cell' cameras --format json").out)["next"],
+            "silhouette-capture draw --cell CELL --database NEW --from 'drawn cell'");
+  EXPECT_EQ(Json::parse(Run("import db cameras --format json").out)["next"], "");
+}
+
+TEST_F(CalibrationProgram, FewRobotImagesInALargeGridAreFoundAtOnce) {
+  const auto number = [&](int place) {
+    return GridOf(TestCell(1 << 20, 1 << 20))->NumberOf({place * 100'000, 500'000});
+  };
+  ASSERT_TRUE(Database::Create(folder_ / "large", TestCell(1 << 20, 1 << 20)).ok());
+  ASSERT_EQ(Run("import large cameras").exit_code, 0);
+  {
+    const auto database = Database::Open(folder_ / "large", Database::Access::kWrite).value();
+    PutBalls(*database, {number(1), number(5), number(9)});
+  }
+  EXPECT_EQ(Json::parse(Run("show large --format json").out)["configurations"], 3);
+  EXPECT_EQ(Run("import large moved").exit_code, 2);
 }
 
 TEST_F(CalibrationProgram, ShowTellsCamerasResolutionAndPairs) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db as a user runs it: what it prints, what it writes, how it ends.
 #include <gmock/gmock.h>
+#include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -26,11 +27,33 @@ namespace {
 
 using Json = nlohmann::json;
 using testing::AllOf;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::Not;
 
 Mask OnePixel(MaskSize size) {
   return Mask::FromPredicate(size, [](int x, int y) { return x == 3 && y == 4; });
+}
+
+// A PNG image of one value, of pixels of a type of OpenCV's.
+std::string PlainPng(cv::Size size, int type, int value) {
+  std::vector<uint8_t> png;
+  cv::imencode(".png", cv::Mat(size, type, cv::Scalar(value)), png);
+  return {png.begin(), png.end()};
+}
+
+// Of TestCell's views, with that mean value.
+storage::v1::References TestReferences(int mean) {
+  storage::v1::References references;
+  for (const cv::Size size : {cv::Size(640, 480), cv::Size(33, 20)}) {
+    storage::v1::Reference* view = references.add_views();
+    view->set_mean_png(PlainPng(size, CV_16UC1, mean));
+    view->set_noise_png(PlainPng(size, CV_16UC1, 200));
+    view->set_images(20);
+    view->mutable_time()->set_seconds(1'700'000'000);
+    view->mutable_time()->set_nanos(5);
+  }
+  return references;
 }
 
 class SilhouetteDb : public ProgramTest {
@@ -49,16 +72,31 @@ class SilhouetteDb : public ProgramTest {
       ASSERT_TRUE(writer->Put(TestImage(**database, numbers[i], seed)).ok());
     }
     ASSERT_TRUE(writer->Commit().ok());
-    storage::v1::References references;
-    for (int i = 0; i < 2; ++i) {
-      storage::v1::Reference* view = references.add_views();
-      view->set_mean_png(absl::StrCat("mean ", i));
-      view->set_noise_png(absl::StrCat("noise ", i));
-      view->set_images(20);
-      view->mutable_time()->set_seconds(1'700'000'000);
-      view->mutable_time()->set_nanos(5);
-    }
-    ASSERT_TRUE((*database)->SetReferences(references, "test").ok());
+    ASSERT_TRUE((*database)->SetReferences(TestReferences(25'000), "test").ok());
+  }
+
+  // A database with a drawn robot image in that variant.
+  void MakeDrawnDatabase(const std::string& name,
+                         const std::string& variant = schema::kDefaultVariant) const {
+    const auto whole = Database::Create(folder_ / name, TestCell(6, 5)).value();
+    const auto database = variant == schema::kDefaultVariant
+                              ? whole->OpenVariant(variant).value()
+                              : whole->CreateVariant(variant, "test").value();
+    storage::v1::DrawnImages images;
+    images.set_digest("00ff");
+    images.set_shards(1);
+    ASSERT_TRUE(database->SetDrawnImages(images, "test").ok());
+    auto writer = database->Write("test");
+    ASSERT_TRUE(writer->Put(TestImage(*database, NumberAt(2, 1))).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+
+  std::vector<std::string> VariantsOf(const std::string& name) const {
+    return Database::Open(folder_ / name, Database::Access::kRead).value()->Variants().value();
+  }
+  storage::v1::References ReferencesOf(const std::string& name) const {
+    const auto database = Database::Open(folder_ / name, Database::Access::kRead).value();
+    return database->Read()->References()->value();
   }
 
   ConfigurationNumber NumberAt(int first, int second) const {
@@ -329,6 +367,24 @@ TEST_F(SilhouetteDb, CoverageCountsAndPaints) {
   EXPECT_FALSE(cv::imread(folder_ / "coverage.png").empty());
 }
 
+TEST_F(SilhouetteDb, CoverageOfALargeGridNeedsNoMemoryForWhatIsMissing) {
+  const int steps = 1 << 20;
+  {
+    const auto database = Database::Create(folder_ / "db", TestCell(steps, steps)).value();
+    auto writer = database->Write("test");
+    RobotImage image;
+    image.number = database->grid().NumberOf({steps / 2, steps / 2});
+    image.excluded = true;
+    ASSERT_TRUE(writer->Put(image).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Ended outcome = Run("coverage db --format json");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  const Json counts = Json::parse(outcome.out);
+  EXPECT_EQ(counts["excluded"], 1);
+  EXPECT_EQ(counts["missing"], (uint64_t{1} << 40) - 1);
+}
+
 TEST_F(SilhouetteDb, ShowFindsAConfigurationByNumberAndByJoints) {
   MakeDatabase("db", 0, {0});
   const ConfigurationNumber number = NumberAt(2, 3);
@@ -460,19 +516,121 @@ TEST_F(SilhouetteDb, ImportNeverMixesMasksWithDrawnOnes) {
   MakeDatabase("db");
   Write("cell.yaml", kTestCellFile);
   ASSERT_EQ(Run("export db out").exit_code, 0);
-  {
-    const auto from = Database::Open((folder_ / "db").string(), Database::Access::kRead);
-    const auto drawn = Database::Create((folder_ / "drawn").string(), (*from)->cell());
-    ASSERT_TRUE(drawn.ok()) << drawn.status();
-    storage::v1::DrawnImages images;
-    images.set_digest("00ff");
-    images.set_shards(1);
-    ASSERT_TRUE((*drawn)->SetDrawnImages(images, "test").ok());
+  MakeDrawnDatabase("drawn");
+  MakeDrawnDatabase("nodes", "own");
+  for (const std::string into :
+       {"drawn", "drawn --variant open", "nodes", "nodes --variant open"}) {
+    const Ended imported = Run("import out --cell cell.yaml --database " + into);
+    EXPECT_EQ(imported.exit_code, 2) << into;
+    EXPECT_THAT(imported.err, HasSubstr("were drawn; import into another database"));
   }
-  const Ended imported = Run("import --cell cell.yaml --database drawn out");
-  EXPECT_EQ(imported.exit_code, 2);
-  EXPECT_THAT(imported.err, HasSubstr("were drawn; import into another database"));
   EXPECT_THAT(Run("info drawn").out, HasSubstr("00ff"));
+  // A server of a drawn cell refuses any other variant.
+  EXPECT_THAT(VariantsOf("drawn"), ElementsAre("default"));
+  EXPECT_THAT(VariantsOf("nodes"), ElementsAre("default", "own"));
+}
+
+TEST_F(SilhouetteDb, ExportRefusesDrawnImagesSinceImportWouldTakeThemForCapturedOnes) {
+  MakeDrawnDatabase("drawn");
+  MakeDrawnDatabase("nodes", "own");
+  for (const std::string from : {"drawn", "nodes", "nodes --variant own"}) {
+    const Ended exported = Run("export " + from + " --folder out");
+    EXPECT_EQ(exported.exit_code, 2) << from;
+    EXPECT_THAT(exported.err, HasSubstr("were drawn, and only captured ones are exported"));
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+  }
+}
+
+TEST_F(SilhouetteDb, ImportOfWhichNothingIsTakenMakesNoVariant) {
+  MakeDatabase("db");
+  Write("cell.yaml", kTestCellFile);
+  Write("white.png", PlainPng({64, 64}, CV_8UC1, 255));
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
+  for (const std::string row : {"-1,-1,white.png,t.png\n", "-0.9,-1,white.png,t.png\n"}) {
+    Write("configurations.csv", "axis_1,axis_2,left,top\n" + row);
+    EXPECT_EQ(Run("import . --variant open --cell cell.yaml --database db").exit_code, 2);
+    EXPECT_THAT(VariantsOf("db"), ElementsAre("default")) << row;
+  }
+  Write("configurations.csv", "axis_1,axis_2,left,top\n-0.9,-1,t.png,t.png\n-1,-1,,\n");
+  const Ended partly = Run("import . --variant open --cell cell.yaml --database db");
+  EXPECT_EQ(partly.exit_code, 2);
+  EXPECT_THAT(partly.out, HasSubstr("1 record imported"));
+  EXPECT_THAT(VariantsOf("db"), ElementsAre("default", "open"));
+}
+
+TEST_F(SilhouetteDb, ImportReplacesOtherReferenceImagesOnlyWhenAsked) {
+  using google::protobuf::util::MessageDifferencer;
+  MakeDatabase("db");
+  Write("cell.yaml", kTestCellFile);
+  ASSERT_EQ(Run("export db out").exit_code, 0);
+  storage::v1::References retaken = TestReferences(30'000);
+  const auto retake = [&] {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite).value();
+    ASSERT_TRUE(database->SetReferences(retaken, "test").ok());
+  };
+  retake();
+  const Ended refused = Run("import out --cell cell.yaml --database db");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_EQ(refused.err,
+            "silhouette-db: database 'db' has other reference images than 'out/references.csv'; "
+            "delete this file to keep them, or give --replace\n");
+  EXPECT_TRUE(MessageDifferencer::Equals(ReferencesOf("db"), retaken));
+  EXPECT_EQ(Run("import out --replace --cell cell.yaml --database db").exit_code, 0);
+  EXPECT_TRUE(MessageDifferencer::Equals(ReferencesOf("db"), TestReferences(25'000)));
+  retake();
+  std::filesystem::remove(folder_ / "out/references.csv");
+  EXPECT_EQ(Run("import out --cell cell.yaml --database db").exit_code, 0);
+  EXPECT_TRUE(MessageDifferencer::Equals(ReferencesOf("db"), retaken));
+  // What the files do not state is no difference.
+  for (auto& view : *retaken.mutable_views()) view.set_with_robot(true);
+  retake();
+  ASSERT_EQ(Run("export db again").exit_code, 0);
+  EXPECT_EQ(Run("import again --cell cell.yaml --database db").exit_code, 0);
+  EXPECT_TRUE(ReferencesOf("db").views(0).with_robot());
+}
+
+TEST_F(SilhouetteDb, ImportRefusesReferenceImagesThatTheServerCouldNotUse) {
+  MakeDatabase("from");
+  Write("cell.yaml", kTestCellFile);
+  ASSERT_EQ(Run("export from out").exit_code, 0);
+  const std::string mean = Read("out/references/left-mean.png");
+  const std::string table = Read("out/references.csv");
+  const auto refusal = [&] {
+    const Ended outcome = Run("import out --cell cell.yaml --database db");
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(std::ranges::count(outcome.err, '\n'), 1) << outcome.err;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "db"));
+    return outcome.err;
+  };
+  const auto of_mean = [&](const std::string& png) {
+    Write("out/references/left-mean.png", png);
+    return refusal();
+  };
+  EXPECT_THAT(of_mean(mean.substr(0, mean.size() / 2)),
+              HasSubstr("references.csv:2: 'out/references/left-mean.png' is not an image, or is "
+                        "damaged"));
+  EXPECT_THAT(of_mean(PlainPng({640, 480}, CV_8UC1, 90)),
+              HasSubstr("references.csv:2: the reference's mean is not a 16-bit PNG image"));
+  EXPECT_THAT(of_mean(PlainPng({66, 40}, CV_16UC1, 90)), HasSubstr("differ in size"));
+  Write("out/references/left-noise.png", PlainPng({66, 40}, CV_16UC1, 90));
+  EXPECT_THAT(refusal(), HasSubstr("references.csv:2: the reference image of the view 'left' is "
+                                   "66x40 pixels large and should be 640x480"));
+  Write("out/references.csv",
+        absl::StrReplaceAll(table, {{"\nleft", "\ntop"}, {"\ntop", "\nleft"}}));
+  EXPECT_THAT(refusal(), HasSubstr("references.csv:2: the view here is 'left', not 'top'"));
+  Write("out/references.csv", table.substr(0, table.find("\ntop")));
+  EXPECT_THAT(refusal(),
+              HasSubstr("references.csv: it needs a row for each of the 2 views, and has 1"));
+}
+
+TEST_F(SilhouetteDb, CommandsThatItPrintsCanBePastedIntoAShell) {
+  MakeDatabase("from");
+  Write("cell.yaml", kTestCellFile);
+  ASSERT_EQ(Run("export from out").exit_code, 0);
+  EXPECT_THAT(Run("import out --cell cell.yaml --database \"my cell's\"").out,
+              HasSubstr("next: silhouette-db index 'my cell'\\''s'\n"));
+  EXPECT_THAT(Run("info \"my cell's\"").out,
+              HasSubstr("build it with: silhouette-db index 'my cell'\\''s'\n"));
 }
 
 TEST_F(SilhouetteDb, ImportTakesMasksMadeElsewhere) {
@@ -562,7 +720,8 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
         "1.5,1.5,l.png,t.png\n"
         "90,1.5,l.png,t.png\n"
         "0,-1,black.png,black_t.png\n"
-        "0,-1,ones.png,t.png\n");
+        "0,-1,ones.png,t.png\n"
+        "\"0\".5,-1,l.png,t.png\n");
   const Ended outcome = Run("import . --cell cell.yaml --database db");
   EXPECT_EQ(outcome.exit_code, 2);
   for (const char* message : {
@@ -581,7 +740,8 @@ TEST_F(SilhouetteDb, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest) {
            "configurations.csv:14: no mask has a pixel of the robot",
            "configurations.csv:15: view 'left': './ones.png': pixel (0, 0) is neither black (0) "
            "nor white (255) but 1",
-           "12 lines are wrong; mend them and run it again, what is imported stays",
+           "configurations.csv:16: the double quotes do not match",
+           "13 lines are wrong; mend them and run it again, what is imported stays",
        }) {
     EXPECT_THAT(outcome.err, HasSubstr(message));
   }

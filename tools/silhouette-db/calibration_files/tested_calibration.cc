@@ -63,19 +63,37 @@ void Add(const std::vector<Mask>& robot, ConfigurationNumber number, const Epipo
   }
 }
 
+// Numbers of records with masks, at most `most`, spread over all of them. Reads all records.
+absl::StatusOr<std::vector<ConfigurationNumber>> SampledRecords(const Snapshot& snapshot,
+                                                                size_t most) {
+  std::vector<ConfigurationNumber> chosen;
+  uint64_t met = 0;
+  const absl::Status status =
+      snapshot.ForEach([&](ConfigurationNumber number, const absl::StatusOr<RobotImage>& image) {
+        const bool due = ++met * most / snapshot.size() > chosen.size();
+        if (due && image.ok() && !image->excluded) chosen.push_back(number);
+        return !StopRequested();
+      });
+  if (!status.ok() && !absl::IsDataLoss(status)) return status;
+  return chosen;
+}
+
 // Numbers of captured configurations, at most `most`, spread over the grid; the same ones each
-// time.
+// time. Not all after Ctrl-C.
 absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Database& database,
                                                                        const Snapshot& snapshot,
                                                                        size_t most) {
-  // Steps of the golden section visit every number once, and are well spread wherever one stops.
   const ConfigurationNumber limit = database.grid().number_limit();
+  const uint64_t records = snapshot.size();
+  // Of few records in a large grid, reading all takes less than looking for some.
+  if (records == 0 || most * limit / records > records) return SampledRecords(snapshot, most);
+  // Steps of the golden section visit every number once, and are well spread wherever one stops.
   ConfigurationNumber step = std::max<ConfigurationNumber>(
       1, static_cast<ConfigurationNumber>(0.6180339887498949 * static_cast<double>(limit)));
   while (std::gcd(step, limit) != 1) ++step;
   std::vector<ConfigurationNumber> chosen;
   ConfigurationNumber number = 0;
-  for (ConfigurationNumber i = 0; i < limit && chosen.size() < most; ++i) {
+  for (ConfigurationNumber i = 0; i < limit && chosen.size() < most && !StopRequested(); ++i) {
     if (database.grid().Contains(number)) {
       const auto image = snapshot.Find(number);
       if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
@@ -86,7 +104,7 @@ absl::StatusOr<std::vector<ConfigurationNumber>> SampledConfigurations(const Dat
   return chosen;
 }
 
-// Over `configurations`; damaged records are left out. Cancelled after Ctrl-C.
+// Over `configurations`, not all of them after Ctrl-C; damaged records are left out.
 absl::StatusOr<Contradictions> FindContradictions(
     const Snapshot& snapshot, const EpipolarBands& bands,
     const std::vector<ConfigurationNumber>& configurations) {
@@ -100,7 +118,7 @@ absl::StatusOr<Contradictions> FindContradictions(
   if (configurations.empty()) return found;
   Progress progress("check", configurations.size(), "configurations");
   for (const ConfigurationNumber number : configurations) {
-    if (StopRequested()) return absl::CancelledError("stopped; run it again");
+    if (StopRequested()) break;
     const auto image = snapshot.Find(number);
     if (!image.ok() && !absl::IsDataLoss(image.status())) return image.status();
     if (!image.ok() || !*image || (*image)->excluded) continue;
@@ -154,14 +172,20 @@ absl::StatusOr<TestedCalibration> TestCalibration(const Database& database,
   EpipolarBands bands(calibration, database.mask_sizes(), margin);
   ASSIGN_OR_RETURN(std::vector<ConfigurationNumber> samples,
                    SampledConfigurations(database, snapshot, kSamples));
-  ASSIGN_OR_RETURN(Contradictions found, FindContradictions(snapshot, bands, samples));
+  ASSIGN_OR_RETURN(const auto drawn, snapshot.DrawnImages());
+  ASSIGN_OR_RETURN(
+      Contradictions found,
+      FindContradictions(snapshot, bands, drawn ? std::vector<ConfigurationNumber>() : samples));
+  if (StopRequested()) return absl::CancelledError("stopped; run it again");
   return TestedCalibration{std::move(calibration), std::move(bands), std::move(samples),
                            std::move(found)};
 }
 
 std::string ContradictionText(const Contradictions& found,
                               const storage::v1::CellDescription& cell) {
-  if (found.configurations == 0) return "there are no robot images to test the calibration with";
+  if (found.configurations == 0) {
+    return "there are no captured robot images to test the calibration with";
+  }
   const PairContradictions* worst = found.worst();
   if (worst == nullptr) {
     return "the robot images cannot test the calibration: the robot reaches the rim of every view";

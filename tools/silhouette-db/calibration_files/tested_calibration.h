@@ -56,8 +56,9 @@ struct TestedCalibration {
   Contradictions contradictions;
 };
 
-// `margin`: mask pixels by which pixels are widened. InvalidArgument: there are no lines between
-// two views (CheckLines). Cancelled after Ctrl-C.
+// `margin`: mask pixels by which pixels are widened. Drawn robot images are not looked at: they
+// show the calibration that they were drawn from. InvalidArgument: there are no lines between two
+// views (CheckLines). Cancelled after Ctrl-C.
 absl::StatusOr<TestedCalibration> TestCalibration(const Database& database,
                                                   const Snapshot& snapshot,
                                                   const storage::v1::Calibration& stored,

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace silhouette {
+
+// A word of a command line, quoted for a shell if it must be.
+std::string ForShell(std::string_view word);
+
+}  // namespace silhouette
