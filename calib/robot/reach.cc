@@ -19,11 +19,7 @@
 namespace silhouette {
 namespace {
 
-// Everything within `radius` of `point`, in the link's frame.
-struct Ball {
-  Eigen::Vector3d point;
-  double radius = 0;
-};
+using Ball = LinkBall;
 
 // Distance of a point from the axis, point or plane that reach is measured from; grows by no more
 // than the length of the step when the point moves.
@@ -279,10 +275,7 @@ absl::StatusOr<std::vector<double>> MeanSweeps(const RobotModel& robot,
   return sweeps;
 }
 
-namespace {
-
-// Of one link: balls whose convex hull holds it, without those inside.
-std::vector<Ball> OuterBalls(const RobotLink& link, BodyGeometry kind) {
+std::vector<LinkBall> OuterBalls(const RobotLink& link, BodyGeometry kind) {
   std::vector<Ball> balls;
   for (const LinkGeometry& geometry : link.body(kind)) {
     std::vector<Ball> of_shape = std::visit(BallsOfShape(), geometry.shape);
@@ -298,6 +291,8 @@ std::vector<Ball> OuterBalls(const RobotLink& link, BodyGeometry kind) {
   }
   return balls;
 }
+
+namespace {
 
 // Searches for the configuration where a link is farthest beyond a face.
 class BeyondFinder {

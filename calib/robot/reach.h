@@ -59,6 +59,15 @@ absl::StatusOr<std::optional<LinkBeyond>> FarthestBeyond(
     std::span<const FixedJoint> fixed, const JointRegions& forbidden, double payload_radius,
     const Eigen::AlignedBox3d& box);
 
+// Everything within `radius`, metres, of `point`, in a link's frame.
+struct LinkBall {
+  Eigen::Vector3d point;
+  double radius = 0;
+};
+
+// Balls whose convex hull holds the link's body, without those inside; none if it has no geometry.
+std::vector<LinkBall> OuterBalls(const RobotLink& link, BodyGeometry geometry);
+
 // How much of space the robot's surface sweeps in a step of each of the joints `moving`: surface
 // times way, in cubic metres, the mean over their ranges. By a sample of the surface. `steps`: one
 // a joint, radians or metres. InvalidArgument: as Reach().

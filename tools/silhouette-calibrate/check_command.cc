@@ -436,8 +436,8 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   CatchStopSignals();
   ASSIGN_OR_RETURN(const Checked checked, CheckViews(arguments.request));
   if (!arguments.out.empty()) {
-    // In one step: a server may be reading it.
-    RETURN_IF_ERROR(ReplaceFile(arguments.out, CheckFileText(checked.check)));
+    // A server may be reading the one that is there: it stays whole.
+    RETURN_IF_ERROR(WriteWholeFile(arguments.out, CheckFileText(checked.check)));
   }
   if (!arguments.draw.empty()) {
     RETURN_IF_ERROR(Draw(arguments.draw, checked));

@@ -220,7 +220,7 @@ absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& s
 }
 
 absl::Status WriteSightings(const DetectSession& session, const std::string& out) {
-  return ReplaceFile(out, SightingFileText(session.Sightings()));
+  return WriteWholeFile(out, SightingFileText(session.Sightings()));
 }
 
 cv::Mat GreyOf(const cv::Mat& image) {

@@ -62,7 +62,7 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& de
 // The coverage pictures.
 absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& session);
 
-// As ReplaceFile.
+// As WriteWholeFile.
 absl::Status WriteSightings(const DetectSession& session, const std::string& out);
 
 // 8 bits of grey.

@@ -365,7 +365,7 @@ absl::Status WriteVnl(const DetectArguments& arguments, const DetectSession& ses
                    VnlFileText(session.Sightings(), board, [&](const TagSighting& sighting) {
                      return files.at({sighting.view, sighting.frame});
                    }));
-  return ReplaceFile(arguments.vnl, text);
+  return WriteWholeFile(arguments.vnl, text);
 }
 
 // --corners: of a corners.vnl to those of all views.
@@ -394,7 +394,7 @@ absl::StatusOr<ExitCode> Convert(const DetectArguments& arguments) {
     return InvalidArgument(arguments.corners, ": none of its ", images.size(),
                            " images matches --images; the first is '", images.begin()->first, "'");
   }
-  RETURN_IF_ERROR(ReplaceFile(arguments.out, SightingFileText(sightings)));
+  RETURN_IF_ERROR(WriteWholeFile(arguments.out, SightingFileText(sightings)));
   PrintResult(arguments.format,
               {{"out", arguments.out}, {"sightings", sightings.size()}, {"images", taken}},
               absl::StrCat("wrote ", arguments.out, ": ", sightings.size(), " corners or tags of ",

@@ -72,15 +72,6 @@ void AddSigmaOption(CLI::App& command, double& sigma) {
       ->check(PositiveNumber());
 }
 
-absl::Status ReplaceFile(const std::string& path, const std::string& text) {
-  const std::string unfinished = path + ".unfinished";
-  RETURN_IF_ERROR(WriteWholeFile(unfinished, text));
-  std::error_code error;
-  fs::rename(unfinished, path, error);
-  if (!error) return absl::OkStatus();
-  return FailedPrecondition("'", path, "' cannot be written: ", error.message());
-}
-
 std::string TextOfFiles(const std::vector<std::string>& files) {
   std::string text;
   for (const std::string& file : files) absl::StrAppend(&text, "wrote ", file, "\n");

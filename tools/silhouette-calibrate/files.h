@@ -28,9 +28,6 @@ absl::StatusOr<std::vector<TagSighting>> ReadSightings(const std::string& file, 
 // --sigma, for ReadSightings.
 void AddSigmaOption(CLI::App& command, double& sigma);
 
-// Writes the file in one step: a reader sees the old or the new one. As WriteWholeFile.
-absl::Status ReplaceFile(const std::string& path, const std::string& text);
-
 // A line of text for each file that was written.
 std::string TextOfFiles(const std::vector<std::string>& files);
 

@@ -24,6 +24,7 @@
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/program/for_shell.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/lengths.h"
 #include "tools/program/program.h"
@@ -58,6 +59,7 @@ struct RunArguments {
   std::string format = "text";
 };
 
+constexpr int kLeastFrames = 3;
 constexpr size_t kWristJoints = 3;
 constexpr double kWristRange = std::numbers::pi / 3;
 
@@ -267,12 +269,23 @@ std::string InFolder(const RunArguments& arguments, const std::string& name) {
   return (fs::path(arguments.out) / name).string();
 }
 
-// The command that solves with the data in the folder.
-std::string PosesCommand(const RunArguments& arguments) {
-  return absl::StrCat("silhouette-calibrate poses --corners ", InFolder(arguments, "corners.csv"),
-                      " --robot-poses ", InFolder(arguments, "robot_poses.csv"), " --boards ",
-                      arguments.boards, " --cameras ", arguments.cameras, " --flange-board ",
-                      arguments.flange_board, " --out ", InFolder(arguments, "cameras"));
+// The command that solves with the frames in the folder, at least kLeastFrames of them: this one
+// again, so that it refuses the same.
+std::string SolveCommand(const RunArguments& arguments) {
+  std::string command = absl::StrCat("silhouette-calibrate run --resume --frames ", kLeastFrames);
+  const std::pair<const char*, const std::string&> options[] = {
+      {"--cell", arguments.cell},
+      {"--boards", arguments.boards},
+      {"--out", arguments.out},
+      {"--flange-board", arguments.flange_board},
+      {"--flange-link", arguments.flange_link},
+      {"--cameras", arguments.cameras},
+      {"--robot-sigma", arguments.robot_sigma}};
+  for (const auto& [option, value] : options) {
+    if (!value.empty()) absl::StrAppend(&command, " ", option, " ", ForShell(value));
+  }
+  if (arguments.draw) command += " --draw";
+  return command;
 }
 
 // The report, which is also written as report.html into the session's folder, and that file.
@@ -347,8 +360,9 @@ absl::StatusOr<ExitCode> TellHowToGoOn(const RunArguments& arguments, const absl
             << (stopped ? absl::StrCat("stopped, and so is the robot; ", frames, " frames are kept")
                         : absl::StrCat(frames, " frames are kept"))
             << ". Go on with the same command and --resume";
-  if (!arguments.cameras.empty() && frames > 0) {
-    std::cerr << ", or\nsolve with what there is: " << PosesCommand(arguments);
+  if (frames >= size_t{kLeastFrames}) {
+    std::cerr << ", or\nsolve with what there is (the robot does not move): "
+              << SolveCommand(arguments);
   }
   std::cerr << std::endl;
   return code;
@@ -375,10 +389,13 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   }
   // The solution reads the files: robot_poses.csv is that of the robot's model as it is now.
   if (!record.frames.empty()) RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
-  ASSIGN_OR_RETURN(const auto devices, OpenDevicesForCalibration(cell));
-  const absl::Status recorded =
-      RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);
-  if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record.frames.size());
+  // A session that has its frames needs no robot.
+  if (!arguments.poses.empty() || record.frames.size() < arguments.frames) {
+    ASSIGN_OR_RETURN(const auto devices, OpenDevicesForCalibration(cell));
+    const absl::Status recorded =
+        RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);
+    if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record.frames.size());
+  }
   std::optional<FoundLenses> found;
   if (arguments.cameras.empty()) {
     auto lenses = FindLenses(cell, robot, settings, record);
@@ -413,7 +430,7 @@ void AddOptions(CLI::App& command, RunArguments& a) {
   command
       .add_option("--frames", a.frames,
                   "How many sets of images that show the board; a view should have 20 of them")
-      ->check(CLI::Range(3, 10000))
+      ->check(CLI::Range(kLeastFrames, 10000))
       ->capture_default_str();
   command
       .add_option("--joint", a.joints,
@@ -422,15 +439,17 @@ void AddOptions(CLI::App& command, RunArguments& a) {
       ->allow_extra_args(false);
   TakeLengths(command.add_option(
       "--floor", a.floor,
-      "Height in the robot's base that nothing goes below, metres; default: the workspace's, "
-      "else 0"));
+      "Height in the robot's base, metres, that the board and all links that joints raise or "
+      "lower\nstay above; default: the workspace's, else 0"));
   command.add_option(
       "--poses", a.poses,
       "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
   command.add_option("--seed", a.seed, "Of the choice of poses")->capture_default_str();
   command.add_option("--robot-sigma", a.robot_sigma,
                      "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");
-  command.add_flag("--resume", a.resume, "Go on with the session in the folder");
+  command.add_flag(
+      "--resume", a.resume,
+      "Go on with the session in the folder; with no more --frames than it has, solve only");
   command.add_flag("--draw", a.draw, "Pictures of the residuals too");
   AddFormatOption(command, a.format);
 }

@@ -11,6 +11,7 @@
 #include <stop_token>
 #include <thread>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -19,6 +20,7 @@
 #include "calib/boards/sighting_file.h"
 #include "calib/detection/image_tags.h"
 #include "calib/poses/pose_files.h"
+#include "calib/robot/floor_check.h"
 #include "capture/session/travel.h"
 #include "common/picture/files.h"
 #include "common/picture/image_file.h"
@@ -69,10 +71,25 @@ constexpr size_t kMostBeforeFirst = 20;
 // Longest delay until the robot receives a stop.
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
-// What is in the way from one pose to another: a forbidden region of the cell, or the floor, which
-// links that no joint moves may be below. Nothing: the way is free.
+FloorCheck FloorOf(const Cell& cell, const RobotModel& robot, const SessionSettings& settings) {
+  // Half of the board's diagonal: however it is turned, it reaches no farther from its middle.
+  double reach = 0;
+  for (const Board& board : settings.tags.boards) {
+    if (board.description().name != settings.flange_board) continue;
+    reach = board.extent().norm() / 2;
+  }
+  return {robot, cell.sound ? cell.sound->geometry : BodyGeometry::kVisual, settings.floor,
+          settings.flange, reach};
+}
+
+std::string FloorName(const SessionSettings& settings) {
+  return absl::StrFormat("the floor at %g m (--floor)", settings.floor);
+}
+
+// What is in the way from one pose to another: a forbidden region of the cell, or the floor.
+// Nothing: the way is free.
 std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
-                                    const SessionSettings& settings,
+                                    const SessionSettings& settings, const FloorCheck& floor,
                                     const PosePlan::Positions& from,
                                     const PosePlan::Positions& to) {
   Configuration here;
@@ -86,20 +103,7 @@ std::optional<std::string> InTheWay(const Cell& cell, const RobotModel& robot,
   if (const auto region = regions.Between(here, there)) {
     return absl::StrCat("the forbidden region '", *region, "'");
   }
-  // Half of the board's diagonal: however it is mounted, it does not reach farther down.
-  double reach = 0;
-  for (const Board& board : settings.tags.boards) {
-    if (board.description().name != settings.flange_board) continue;
-    reach = board.extent().norm() / 2;
-  }
-  const std::vector<Eigen::Isometry3d> links = robot.LinkPoses(to);
-  for (size_t i = 0; i < links.size(); ++i) {
-    if (JointsTo(robot, i).empty()) continue;
-    const double below = links[i].translation().z() - (i == settings.flange ? reach : 0);
-    if (below < settings.floor) {
-      return absl::StrFormat("the floor at %g m (--floor)", settings.floor);
-    }
-  }
+  if (floor.Below(from, to)) return FloorName(settings);
   return std::nullopt;
 }
 
@@ -203,7 +207,27 @@ class Recorder {
   BoardDetector detector_;
 };
 
-std::string FrameName(size_t number) { return absl::StrFormat("%04d", number); }
+std::string FrameName(uint32_t number) { return absl::StrFormat("%04d", number); }
+
+// The greatest number among names; 0: there is none.
+uint32_t GreatestNumber(const std::vector<std::string>& names) {
+  uint32_t greatest = 0;
+  for (const std::string& name : names) {
+    uint32_t number = 0;
+    if (absl::SimpleAtoi(name, &number)) greatest = std::max(greatest, number);
+  }
+  return greatest;
+}
+
+// The names of the session's images without extension, also of frames that are not in the record.
+std::vector<std::string> NamesOfImages(const std::string& folder) {
+  std::vector<std::string> names;
+  std::error_code error;  // there are none yet
+  for (const auto& entry : fs::recursive_directory_iterator(PathIn(folder, "images"), error)) {
+    if (entry.path().extension() == ".png") names.push_back(entry.path().stem().string());
+  }
+  return names;
+}
 
 // Reports to the plan which views saw the flange's board in the frames of a resumed record.
 void ReportFrames(const SessionSettings& settings, const SessionRecord& record, PosePlan& plan) {
@@ -218,10 +242,10 @@ void ReportFrames(const SessionSettings& settings, const SessionRecord& record, 
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
                          const SessionRecord& record) {
   // Corners last: frames without a robot pose would be of no use, the other way round does no harm.
-  RETURN_IF_ERROR(ReplaceFile(PathIn(folder, "joints.csv"), JointsText(robot, record)));
+  RETURN_IF_ERROR(WriteWholeFile(PathIn(folder, "joints.csv"), JointsText(robot, record)));
   RETURN_IF_ERROR(
-      ReplaceFile(PathIn(folder, "robot_poses.csv"), RobotPoseFileText(record.robot_poses)));
-  return ReplaceFile(PathIn(folder, "corners.csv"), SightingFileText(record.sightings));
+      WriteWholeFile(PathIn(folder, "robot_poses.csv"), RobotPoseFileText(record.robot_poses)));
+  return WriteWholeFile(PathIn(folder, "corners.csv"), SightingFileText(record.sightings));
 }
 
 absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
@@ -233,6 +257,10 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
   ASSIGN_OR_RETURN(const std::string joints_text, ReadWholeFile(joints));
   ASSIGN_OR_RETURN(const auto rows, CsvRows(joints_text, joints, JointColumns(robot)));
   for (const CsvRow& row : rows) {
+    if (uint32_t number = 0; !absl::SimpleAtoi(row.Text(0), &number)) {
+      return InvalidArgument(row.place(), ": the frame '", row.Text(0),
+                             "' is not a number such as 0012; restore the line, or delete it");
+    }
     record.frames.push_back(row.Text(0));
     record.positions.emplace_back();
     for (size_t j = 0; j < robot.joints().size(); ++j) {
@@ -242,6 +270,9 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
     record.robot_poses.push_back(PoseOf(robot, flange, row.Text(0), record.positions.back()));
   }
   ASSIGN_OR_RETURN(record.sightings, ReadSightings(corners));
+  const std::set<std::string> frames(record.frames.begin(), record.frames.end());
+  std::erase_if(record.sightings,
+                [&](const TagSighting& seen) { return !frames.contains(seen.frame); });
   return record;
 }
 
@@ -277,21 +308,29 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
   Progress progress("taking images", wanted, listed ? "poses" : "frames");
   std::map<std::string, int> seen;
   size_t in_vain = 0;
+  const FloorCheck floor = FloorOf(cell, robot, settings);
+  uint32_t last = GreatestNumber(record.frames);
   // Listed poses keep their numbers: a frame is the line of the list.
-  size_t next = listed && !record.frames.empty() ? std::stoul(record.frames.back()) : 0;
-  while (listed ? next < wanted : record.frames.size() < wanted) {
+  if (!listed) last = std::max(last, GreatestNumber(NamesOfImages(settings.folder)));
+  bool moved_yet = false;
+  while (listed ? last < wanted : record.frames.size() < wanted) {
     if (StopRequested()) return absl::CancelledError("stopped");
     ASSIGN_OR_RETURN(const PosePlan::Positions here, recorder.Measure());
+    if (const auto low = floor.Below(here, here); low && !moved_yet) {
+      return FailedPrecondition("the robot's link '", robot.links()[*low].name,
+                                "' or what it carries is below ", FloorName(settings),
+                                " already; move the robot up, or lower the floor");
+    }
     std::optional<PosePlan::Positions> goal;
     if (listed) {
-      goal = settings.given[next];
-      if (const auto obstacle = InTheWay(cell, robot, settings, here, *goal)) {
-        return FailedPrecondition("pose ", next + 1, " of the list: ", *obstacle, " is in the way");
+      goal = settings.given[last];
+      if (const auto obstacle = InTheWay(cell, robot, settings, floor, here, *goal)) {
+        return FailedPrecondition("pose ", last + 1, " of the list: ", *obstacle, " is in the way");
       }
     } else {
       std::map<std::string, int> refusals;  // by what is in the way
       goal = plan.Next([&](const PosePlan::Positions& to) {
-        const auto obstacle = InTheWay(cell, robot, settings, here, to);
+        const auto obstacle = InTheWay(cell, robot, settings, floor, here, to);
         if (obstacle) ++refusals[*obstacle];
         return !obstacle;
       });
@@ -304,12 +343,12 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
             " is in the way; change that, or give other joint ranges (--joint) or poses (--poses)");
       }
     }
-    ++next;
+    moved_yet = true;
     if (absl::Status moved = recorder.MoveTo(*goal); !moved.ok()) {
       return StopRequested() ? absl::CancelledError("stopped") : moved;
     }
-    const std::string frame = FrameName(listed ? next : record.frames.size() + 1);
-    ASSIGN_OR_RETURN(const auto views, recorder.TakeFrame(frame, record));
+    ASSIGN_OR_RETURN(const auto views, recorder.TakeFrame(FrameName(last + 1), record));
+    if (listed || !views.empty()) ++last;
     plan.Tell(*goal, views);
     for (const std::string& view : views) ++seen[view];
     in_vain += views.empty() ? 1 : 0;
@@ -320,7 +359,7 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
           record.frames.size() + in_vain,
           " poses only; is it on the flange, and large enough in the images?");
     }
-    progress.Update(listed ? next : record.frames.size());
+    progress.Update(listed ? last : record.frames.size());
   }
   return absl::OkStatus();
 }

@@ -29,13 +29,13 @@ struct SessionRecord {
   std::vector<TagSighting> sightings;
 };
 
-// The record of a folder; empty if there is none. Its robot poses are those of the link `flange` by
-// `robot` at the recorded joint values, whatever robot_poses.csv says. InvalidArgument: a file is
-// wrong, or of a robot with other joints.
+// The record of a folder; empty if there is none. Its frames are those of joints.csv, its robot
+// poses those of the link `flange` by `robot` at the joint values there, whatever robot_poses.csv
+// says. InvalidArgument: a file is wrong, or of a robot with other joints, or a frame is no number.
 absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
                                          size_t flange);
 
-// Each file is whole at any time. Errors: those of WriteWholeFile.
+// A file that was there is whole at any time. Errors: those of WriteWholeFile.
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
                          const SessionRecord& record);
 
@@ -56,14 +56,17 @@ struct SessionSettings {
   PosePlan::Positions rest;
   // Instead of poses of its own choice: these, one after the other.
   std::vector<PosePlan::Positions> given;
-  double floor = 0;  // height under which nothing of robot and board may go, metres
+  // Height in the base, metres, under which no link that a joint raises or lowers, and not the
+  // board, may be driven (FloorCheck).
+  double floor = 0;
   uint64_t seed = 1;
 };
 
-// Adds frames to `record` until it has `frames`, or until the robot was at all given poses.
+// Adds frames to `record` until it has `frames`, or until the robot was at all given poses. A frame
+// has a number that no other and no image in the folder has; of given poses, the pose's.
 // Cancelled: a stop signal came; the robot is stopped, all records are on the disk.
-// FailedPrecondition: no pose is allowed, or the cameras see too little of the board. Otherwise the
-// devices' errors.
+// FailedPrecondition: the robot stands below the floor, no pose is allowed, or the cameras see too
+// little of the board. Otherwise the devices' errors.
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record);

@@ -155,6 +155,24 @@ TEST_F(CheckProgram, CamerasThatStandStillHold) {
   for (const CheckedView& view : check->views) EXPECT_LT(view.moved_px, 0.4) << view.name;
 }
 
+TEST_F(CheckProgram, AResultGoesWhereALinkPointsAndTheFileKeepsItsPermissions) {
+  namespace fs = std::filesystem;
+  Import();
+  WriteCorners("now.csv", cameras_, 2);
+  const fs::path file = shell_.folder() / "check.json";
+  const fs::path link = shell_.folder() / "link.json";
+  constexpr fs::perms kPermissions{0640};
+  for (const fs::path& out : {file, link}) {
+    WriteFile(file, "earlier");
+    fs::permissions(file, kPermissions);
+    if (out == link) fs::create_symlink(file, link);
+    Calibrate("check --database db --corners now.csv --out " + out.string());
+    EXPECT_TRUE(CheckFromText(ContentOf(file), "check.json").ok()) << out;
+    EXPECT_EQ(fs::status(file).permissions(), kPermissions) << out;
+  }
+  EXPECT_TRUE(fs::is_symlink(link));
+}
+
 TEST_F(CheckProgram, OldCornersAreNotTakenForWhatIsSeenNow) {
   Import();
   WriteCorners("now.csv", cameras_, 2);

@@ -86,6 +86,38 @@ TEST_F(CalibrateRun, GoesOnWithWhatThereIs) {
   EXPECT_THAT(after, HasSubstr("\n0005,"));
 }
 
+TEST_F(CalibrateRun, AFrameThatIsDeletedIsGoneButItsImageAndNumberStay) {
+  const std::string cameras = " --cameras " + Lenses();
+  const fs::path folder = session();
+  RunSession("--frames 3" + cameras);
+  const std::string before = ContentOf(folder / "joints.csv");
+  const std::string image = ContentOf(folder / "images/top/0003.png");
+  ASSERT_THAT(before, HasSubstr("\n0003,"));
+  ASSERT_FALSE(image.empty());
+  WriteFile(folder / "joints.csv", before.substr(0, before.find("\n0003,") + 1));
+  RunSession("--frames 4 --resume" + cameras);
+  for (const char* file : {"joints.csv", "robot_poses.csv", "corners.csv"}) {
+    EXPECT_THAT(ContentOf(folder / file), Not(HasSubstr("\n0003,"))) << file;
+    EXPECT_THAT(ContentOf(folder / file), HasSubstr("\n0005,")) << file;
+  }
+  EXPECT_EQ(ContentOf(folder / "images/top/0003.png"), image);
+  // A frame in the middle: the number of the last one is taken.
+  const std::string after = ContentOf(folder / "joints.csv");
+  WriteFile(folder / "joints.csv",
+            after.substr(0, after.find("\n0002,")) + after.substr(after.find("\n0004,")));
+  RunSession("--frames 4 --resume" + cameras);
+  EXPECT_THAT(ContentOf(folder / "joints.csv"), HasSubstr("\n0006,"));
+}
+
+TEST_F(CalibrateRun, AFrameThatIsNoNumberIsNamed) {
+  const std::string cameras = " --cameras " + Lenses();
+  RunSession("--frames 3" + cameras);
+  const fs::path joints = fs::path(session()) / "joints.csv";
+  WriteFile(joints, absl::StrReplaceAll(ContentOf(joints), {{"\n0002,", "\nbad,"}}));
+  EXPECT_EQ(RunSession("--frames 4 --resume" + cameras), 2);
+  EXPECT_THAT(err(), HasSubstr("joints.csv:3: the frame 'bad' is not a number such as 0012"));
+}
+
 TEST_F(CalibrateRun, ResumedHasItsPosesByTheRobotsModelAndTheFlangeLinkOfNow) {
   const std::string resume = "--frames 3 --resume --cameras " + Lenses();
   const fs::path poses = fs::path(session()) / "robot_poses.csv";
@@ -238,6 +270,27 @@ TEST_F(CalibrateRunWithoutLenses, ACalibrationThatItsReportFindsUnstableIsANo) {
   EXPECT_THAT(ContentOf(calibration), HasSubstr("between the first half of the frames and the "));
 }
 
+TEST_F(CalibrateRunWithoutLenses, ThePrintedCommandSolvesWithoutTheRobotAndRefusesWhatRunRefuses) {
+  WriteCell("");
+  WriteSession(0.55e-3);
+  const std::string lenses = (folder_ / "known lenses").string();
+  fs::rename(folder_ / "lenses", lenses);
+  EXPECT_EQ(Run("silhouette-calibrate",
+                Command("--frames 81 --resume --floor 3 --robot-sigma 0.04mm,0.004deg --cameras '" +
+                        lenses + "'")),
+            2);
+  const std::string printed = "(the robot does not move): ";
+  const size_t place = err().find(printed);
+  ASSERT_NE(place, std::string::npos) << err();
+  const std::string command = err().substr(place + printed.size());
+  EXPECT_THAT(command, HasSubstr(" --cell " + folder_.string() + "/cell.yaml "));
+  EXPECT_THAT(command, HasSubstr(" --robot-sigma 0.04mm,0.004deg"));
+  fs::remove(folder_ / "simulation.yaml");  // robot and cameras
+  const Ended solved = shell_.Run("PATH=" + ProgramFolder() + ":$PATH; " + command);
+  EXPECT_EQ(solved.exit_code, 1) << solved.err;
+  EXPECT_THAT(solved.err, HasSubstr("the calibration is not stable"));
+}
+
 TEST_F(CalibrateRunWithoutLenses, ABoardThatNoCameraSeesIsToldSoon) {
   WriteCell("");
   DescribeBoard("gap: 0.09, first_id: 60");
@@ -290,8 +343,25 @@ TEST_F(CalibrateRunWithoutLenses, CtrlCStopsTheRobotAndSaysHowToGoOn) {
 }
 
 TEST_F(CalibrateRun, FloorThatLeavesNoPoseIsNamedWithItsOption) {
-  EXPECT_EQ(RunSession("--floor 3"), 2);
-  EXPECT_THAT(err(), HasSubstr("most often the floor at 3 m (--floor) is in the way"));
+  EXPECT_EQ(RunSession("--floor 0.4 --joint joint_3=100deg:110deg"), 2);
+  EXPECT_THAT(err(), HasSubstr("most often the floor at 0.4 m (--floor) is in the way"));
+}
+
+TEST_F(CalibrateRun, ARobotWhoseBodyStandsBelowTheFloorIsNotMoved) {
+  // The joint of the upper arm is at 0.56 m, its body reaches down to 0.435 m.
+  EXPECT_EQ(RunSession("--floor 0.5"), 2);
+  EXPECT_THAT(err(), HasSubstr("the robot's link 'upper_arm' or what it carries is below the floor "
+                               "at 0.5 m (--floor) already; move the robot up"));
+}
+
+TEST_F(CalibrateRun, APoseWhoseWayDipsBelowTheFloorIsRefused) {
+  // The arm points down, 40 degrees to one side of the vertical, then to the other.
+  const std::string poses = (folder_ / "poses.csv").string();
+  WriteFile(poses,
+            "joint_1,joint_2,joint_3,joint_4,joint_5,joint_6\n"
+            "0,1.3963,1.0472,0,0,0\n0,1.3963,2.4435,0,0,0\n");
+  EXPECT_EQ(RunSession("--floor=-0.4 --poses " + poses), 2);
+  EXPECT_THAT(err(), HasSubstr("pose 2 of the list: the floor at -0.4 m (--floor) is in the way"));
 }
 
 TEST_F(CalibrateRun, MistakesAreTold) {
