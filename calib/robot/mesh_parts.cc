@@ -156,28 +156,50 @@ struct Excess {
   size_t piece = 0;
 };
 
+// A triangle of a piece's hull, or a part of it.
+struct Patch {
+  double bound;  // no point of it is farther from the mesh
+  size_t piece;
+  Corners corners;
+  uint32_t hint;
+  bool operator<(const Patch& other) const { return bound < other.bound; }
+};
+
+// Whether all of it is within the hull of another piece.
+bool IsInAnother(const Patch& patch, std::span<const Piece> pieces) {
+  for (size_t i = 0; i < pieces.size(); ++i) {
+    if (i == patch.piece) continue;
+    const auto inside = [&](const Vector3d& p) { return pieces[i].hull.Contains(p, kSameFace); };
+    if (std::ranges::all_of(patch.corners, inside)) return true;
+  }
+  return false;
+}
+
+// Cut across the longest side.
+std::pair<Corners, Corners> Halves(const Corners& corners) {
+  size_t longest = 0;
+  double length = -1;
+  for (size_t i = 0; i < 3; ++i) {
+    const double side = (corners[(i + 1) % 3] - corners[i]).norm();
+    if (side > length) {
+      length = side;
+      longest = i;
+    }
+  }
+  const Vector3d& a = corners[longest];
+  const Vector3d& b = corners[(longest + 1) % 3];
+  const Vector3d& c = corners[(longest + 2) % 3];
+  const Vector3d middle = (a + b) / 2;
+  return {{a, middle, c}, {middle, b, c}};
+}
+
 // The greatest distance from the mesh of any point of the hulls' common surface, by branch and
 // bound: no point of a patch is farther from the mesh than its middle is, plus its own extent, nor
 // than its corners are from one triangle. The bound is exact enough to tell whether the distance is
 // above `aim`; above it, it is at most 5 % too large.
 Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
-  struct Patch {
-    double bound;
-    size_t piece;
-    Corners corners;
-    uint32_t hint;
-    bool operator<(const Patch& other) const { return bound < other.bound; }
-  };
   std::priority_queue<Patch> patches;
   double least = 0;
-  const auto in_another = [&](const Patch& patch) {
-    for (size_t i = 0; i < pieces.size(); ++i) {
-      if (i == patch.piece) continue;
-      const auto inside = [&](const Vector3d& p) { return pieces[i].hull.Contains(p, kSameFace); };
-      if (std::ranges::all_of(patch.corners, inside)) return true;
-    }
-    return false;
-  };
   const auto add = [&](size_t piece, const Corners& corners, uint32_t& hint) {
     Patch patch{0, piece, corners, hint};
     const Vector3d middle = (corners[0] + corners[1] + corners[2]) / 3;
@@ -191,7 +213,7 @@ Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
       from_nearest = std::max(from_nearest, mesh.DistanceFrom(patch.hint, corner));
     }
     patch.bound = std::min(distance + extent, from_nearest);
-    if (patch.bound <= least || in_another(patch)) return;
+    if (patch.bound <= least || IsInAnother(patch, pieces)) return;
     // The middle is on the common surface if it is in no other hull.
     const bool shown = distance > least && std::ranges::none_of(pieces, [&](const Piece& other) {
                          return &other != &pieces[piece] && other.hull.Contains(middle, kSameFace);
@@ -212,23 +234,10 @@ Excess ExcessOf(std::span<Piece> pieces, const MeshTree& mesh, double aim) {
     const bool close = patch.bound <= least + aim / 4 && (patch.bound <= aim || least > aim);
     if (close || patch.bound <= 1.05 * least) return {patch.bound, patch.piece};
     patches.pop();
-    // Across the longest side.
-    size_t longest = 0;
-    double length = -1;
-    for (size_t i = 0; i < 3; ++i) {
-      const double side = (patch.corners[(i + 1) % 3] - patch.corners[i]).norm();
-      if (side > length) {
-        length = side;
-        longest = i;
-      }
-    }
-    const Vector3d& a = patch.corners[longest];
-    const Vector3d& b = patch.corners[(longest + 1) % 3];
-    const Vector3d& c = patch.corners[(longest + 2) % 3];
-    const Vector3d middle = (a + b) / 2;
+    const auto [first, second] = Halves(patch.corners);
     uint32_t hint = patch.hint;
-    add(patch.piece, {a, middle, c}, hint);
-    add(patch.piece, {middle, b, c}, hint);
+    add(patch.piece, first, hint);
+    add(patch.piece, second, hint);
   }
   return {least, 0};
 }

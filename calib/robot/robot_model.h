@@ -124,8 +124,8 @@ class RobotModel {
                                          std::span<const FixedJoint> fixed) const;
 
   // Values in the order of joints(), looked up by name. InvalidArgument if a joint of the model has
-  // no value, a name is not a joint of the model (the nearest is named) or stands twice, or a value
-  // is beyond the joint's limits by more than a millionth. As many values as names, else
+  // no value, a name is not a joint of the model (NoJoint) or stands twice, or a value is beyond
+  // the joint's limits by more than a millionth. As many values as names, else
   // std::invalid_argument is thrown.
   absl::StatusOr<std::vector<double>> Positions(std::span<const std::string> names,
                                                 std::span<const double> values) const;

@@ -12,7 +12,7 @@
 namespace silhouette {
 namespace {
 
-// The cell with a grid so fine that chance finds no grid value twice.
+// The cell with a grid so fine that chance hardly finds a grid value twice.
 storage::v1::CellDescription FineCell(storage::v1::CellDescription cell) {
   constexpr int kBitsOfAll = 36;  // a grid has at most 2^40 configurations
   constexpr int kMostBits = 20;

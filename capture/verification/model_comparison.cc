@@ -37,10 +37,6 @@ constexpr double kMostSensible = 1e6;
 constexpr double kLeastExpected = 3;
 constexpr double kFurtherOfFew = 0.005;  // metres
 
-double ShareOf(uint64_t part, uint64_t whole) {
-  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
-}
-
 // A pixel of a mask that is captured and not drawn.
 struct MissingPixel {
   size_t sample = 0;
@@ -505,6 +501,10 @@ int GrowthSteps(const ComparisonSettings& settings) {
   throw std::invalid_argument(
       absl::StrFormat("most_growth, %g m, must be 1 to %g times growth_step, %g m",
                       settings.most_growth, kMostSteps, settings.growth_step));
+}
+
+double ShareOf(uint64_t part, uint64_t whole) {
+  return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
 }
 
 std::string Describe(const ComparisonSettings& settings) {

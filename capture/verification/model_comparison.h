@@ -53,6 +53,9 @@ int GrowthSteps(const ComparisonSettings& settings);
 // Settings as the database keeps them: `key: value` a line.
 std::string Describe(const ComparisonSettings& settings);
 
+// 0 of nothing.
+double ShareOf(uint64_t part, uint64_t whole);
+
 struct ModelSample {
   std::vector<double> q;       // as measured, by joint of the drawn robot
   std::vector<Mask> captured;  // by view

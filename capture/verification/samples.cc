@@ -179,7 +179,10 @@ class SampleDrive {
 
  private:
   absl::Status VisitOne(const Configuration& place, std::vector<ModelSample>& samples);
+  // AlreadyExists: what is kept has the grid value.
   absl::Status Keep(const Configuration& place, const Visit& visit, const std::vector<Mask>& masks);
+  // Aborted: it is one in a row too many.
+  absl::Status Missed(absl::string_view why);
   absl::StatusOr<Configuration> Here();
   // Why the robot cannot leave.
   absl::Status NoWayFrom(const Configuration& here);
@@ -242,17 +245,21 @@ absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
 
 absl::Status SampleDrive::VisitOne(const Configuration& place, std::vector<ModelSample>& samples) {
   ASSIGN_OR_RETURN(const Visit visit, visitor_.GoStraight(place));
-  if (visit.outcome != Visit::Outcome::kTaken) {
-    if (++misses_ == kMostMisses) return absl::AbortedError(visit.why);
-    observer_.say(visit.why);
-    return absl::OkStatus();
-  }
-  misses_ = 0;
+  if (visit.outcome != Visit::Outcome::kTaken) return Missed(visit.why);
   std::vector<Mask> masks = RobotMasks(parts_, visit);
-  RETURN_IF_ERROR(Keep(place, visit, masks));
+  const absl::Status kept = Keep(place, visit, masks);
+  if (absl::IsAlreadyExists(kept)) return Missed(kept.message());
+  RETURN_IF_ERROR(kept);
+  misses_ = 0;
   Configuration q(visit.measured.begin(),
                   visit.measured.begin() + parts_.travel->grid().dimensions());
   samples.push_back({.q = std::move(q), .captured = std::move(masks)});
+  return absl::OkStatus();
+}
+
+absl::Status SampleDrive::Missed(absl::string_view why) {
+  if (++misses_ == kMostMisses) return absl::AbortedError(why);
+  observer_.say(std::string(why));
   return absl::OkStatus();
 }
 
@@ -266,7 +273,7 @@ absl::Status SampleDrive::Keep(const Configuration& place, const Visit& visit,
   image.captured = visit.images.captured;
   image.commanded = parts_.robot.Commanded(place);
   image.measured = visit.measured;
-  return writer_.Put(image, /*replace=*/true);
+  return writer_.Put(image);
 }
 
 }  // namespace

@@ -36,11 +36,12 @@ std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::s
 
 // Drives the robot straight from one configuration to the next until `samples` has `count`, and
 // makes its masks as a capture does. Each is in `kept` (OpenKeptSamples) on the disk before the
-// robot goes on. Fewer: a stop was requested. `parts.travel` is of the grid of the database whose
-// robot is driven, which has the joints of the sampler's robot; `link_names`: of its links, for
-// messages. FailedPrecondition: the robot stands where the sampler finds no way, or there is none
-// anywhere; what is too near to what is named. Aborted: it misses three places in a row. Errors of
-// devices and of `kept`; the robot is stopped then, and `samples` has what was taken.
+// robot goes on; where chance finds a grid value of `kept` again, another place is taken. Fewer: a
+// stop was requested. `parts.travel` is of the grid of the database whose robot is driven, which
+// has the joints of the sampler's robot; `link_names`: of its links, for messages.
+// FailedPrecondition: the robot stands where the sampler finds no way, or there is none anywhere;
+// what is too near to what is named. Aborted: three places in a row are missed. Errors of devices
+// and of `kept`; the robot is stopped then, and `samples` has what was taken.
 absl::Status TakeSamples(SessionParts& parts, ModelSampler& sampler,
                          std::span<const std::string> link_names, size_t count,
                          const std::string& program, Database& kept,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "calib/camera/calibration.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "calib/robot/drawn_cell.h"
+#include "db/mask/configuration_grid.h"
 #include "db/store/store.h"
 
 namespace silhouette {
@@ -30,9 +32,11 @@ struct VerifiedRobot {
   std::vector<double> growth = {};
 };
 
-// InvalidArgument: the verification is of this robot, and its growth is none.
+// `joints`: the ranges in which the robot is drawn, by joint of `bare`. It is not verified where
+// one is wider than in the verification. InvalidArgument: the verification is of this robot, and
+// its growth is none.
 absl::StatusOr<VerifiedRobot> VerifiedRobotOf(
-    const DrawnCell& cell, DrawnRobot bare,
+    const DrawnCell& cell, DrawnRobot bare, std::span<const GridJoint> joints,
     const std::optional<storage::v1::ModelVerification>& verification);
 
 }  // namespace silhouette

@@ -184,7 +184,7 @@ absl::StatusOr<VerifiedRobot> RobotToDraw(const Database& database, const Snapsh
                                           double margin) {
   ASSIGN_OR_RETURN(DrawnRobot bare, BareRobotOf(cell, database, calibration, margin));
   ASSIGN_OR_RETURN(const auto verification, snapshot.Verification());
-  return VerifiedRobotOf(cell, std::move(bare), verification);
+  return VerifiedRobotOf(cell, std::move(bare), database.grid().joints(), verification);
 }
 
 // A model cannot hold all of a robot of which captured images show more. `growth`: as

@@ -222,7 +222,7 @@ Findings OfDrawnImages(const CellFile& file) {
   // Good in what it is for, but verify-model does not drive the robot so.
   if (!text.empty()) findings.push_back({"links", !beyond, text, /*doubtful=*/true});
   if (stored.calibration.cameras.empty()) return findings;
-  const auto verified = VerifiedRobotOf(of, *robot, stored.verification);
+  const auto verified = VerifiedRobotOf(of, *robot, cell.grid.joints(), stored.verification);
   const std::string partial =
       PartialViews(cell, verified.ok() ? verified->robot : *robot, of.forbidden);
   if (!partial.empty()) {

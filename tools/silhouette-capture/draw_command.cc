@@ -76,6 +76,34 @@ absl::StatusOr<Given> GivenIn(const Database& database) {
   return given;
 }
 
+// By whose names and places calibration, reference images and verification are of a cell.
+storage::v1::CellDescription JointsAndViews(const storage::v1::CellDescription& cell) {
+  storage::v1::CellDescription named;
+  for (const storage::v1::GridJoint& joint : cell.grid_joints()) {
+    named.add_grid_joints()->set_name(joint.name());
+  }
+  for (const storage::v1::View& view : cell.views()) {
+    storage::v1::View& of = *named.add_views();
+    of.set_name(view.name());
+    of.set_image_width(view.image_width());
+    of.set_image_height(view.image_height());
+  }
+  return named;
+}
+
+// What the database of --from has. FailedPrecondition: its joints or views are not the cell's.
+absl::StatusOr<Given> GivenFrom(const DrawOptions& options, const CellFile& file) {
+  ASSIGN_OR_RETURN(const auto from, Database::Open(options.from, Database::Access::kRead));
+  const std::vector<std::string> differences =
+      Differences(JointsAndViews(DescriptionOf(file.cell)), "the cell file",
+                  JointsAndViews(from->cell()), "the database");
+  if (differences.empty()) return GivenIn(*from);
+  return FailedPrecondition(
+      "the database '", options.from, "' does not belong to the cell of '", file.cell.file,
+      "': ", differences.front(),
+      "; with --from name one that has the cell's joints and views in their order");
+}
+
 // What the database has, or the one that --from names.
 absl::StatusOr<Given> FindGiven(const DrawOptions& options, const CellFile& file) {
   Given given;
@@ -86,8 +114,7 @@ absl::StatusOr<Given> FindGiven(const DrawOptions& options, const CellFile& file
     return present.status();
   }
   if (!options.from.empty()) {
-    ASSIGN_OR_RETURN(const auto from, Database::Open(options.from, Database::Access::kRead));
-    ASSIGN_OR_RETURN(Given other, GivenIn(*from));
+    ASSIGN_OR_RETURN(Given other, GivenFrom(options, file));
     if (given.calibration && other.calibration &&
         given.calibration->SerializeAsString() != other.calibration->SerializeAsString()) {
       return FailedPrecondition("'", file.database, "' has another calibration than '",
@@ -115,7 +142,7 @@ absl::StatusOr<VerifiedRobot> RobotOf(const CellFile& file, const DrawnCell& dra
   for (const ViewSettings& view : file.cell.views) sizes.push_back(view.mask_size);
   ASSIGN_OR_RETURN(DrawnRobot bare, DrawnRobotOf(drawn, moving, file.cell.fixed_joints, calibration,
                                                  sizes, file.cell.calibration.margin));
-  return VerifiedRobotOf(drawn, std::move(bare), given.verification);
+  return VerifiedRobotOf(drawn, std::move(bare), file.cell.grid.joints(), given.verification);
 }
 
 // For writing. One that has no drawn images yet gets what it lacks.
@@ -194,11 +221,9 @@ absl::StatusOr<IndexBuildReport> IndexWithProgress(const DrawOptions& options, D
   return BuildCollisionIndex(database, build);
 }
 
-absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
-  const absl::Time start = absl::Now();
-  ASSIGN_OR_RETURN(const auto shard, ShardOf(options.shard));
-  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
-  ASSIGN_OR_RETURN(const std::optional<DrawnCell> cell, DrawnCellOf(file.cell));
+// InvalidArgument: nothing is drawn of the cell.
+absl::StatusOr<DrawnCell> CellToDraw(const CellFile& file) {
+  ASSIGN_OR_RETURN(std::optional<DrawnCell> cell, DrawnCellOf(file.cell));
   if (!cell) {
     return InvalidArgument("'", file.cell.file,
                            "' says that robot images are captured; state 'images: drawn' of the "
@@ -209,52 +234,72 @@ absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
                            "' states no grid whose images could be drawn; state 'grid', with "
                            "max_move or steps");
   }
+  return *std::move(cell);
+}
+
+nlohmann::ordered_json DrawnJson(const CellFile& file, const storage::v1::DrawnImages& drawn,
+                                 const DrawReport& report, bool verified, absl::Duration took) {
+  return {{"database", file.database},
+          {"shard", drawn.shard()},
+          {"shards", drawn.shards()},
+          {"configurations", report.configurations},
+          {"drawn", report.drawn},
+          {"kept", report.kept},
+          {"damaged", report.damaged},
+          {"excluded", report.excluded},
+          {"digest", drawn.digest()},
+          {"verified", verified},
+          {"seconds", absl::ToDoubleSeconds(took)}};
+}
+
+std::string DrawnText(const storage::v1::DrawnImages& drawn, const DrawReport& report,
+                      absl::Duration took) {
+  std::string text = absl::StrFormat(
+      "configurations     %d%s\n"
+      "drawn              %d, %d of them excluded, in %s\n"
+      "there already      %d\n",
+      report.configurations, drawn.shards() > 1 ? absl::StrCat(", shard ", NameOfShard(drawn)) : "",
+      report.drawn, report.excluded, Spoken(took), report.kept);
+  if (report.damaged > 0) {
+    absl::StrAppend(&text, "damaged            ", report.damaged, ", drawn again\n");
+  }
+  return text;
+}
+
+absl::StatusOr<ExitCode> DrawHere(const DrawOptions& options) {
+  const absl::Time start = absl::Now();
+  ASSIGN_OR_RETURN(const auto shard, ShardOf(options.shard));
+  ASSIGN_OR_RETURN(const CellFile file, OpenCellFile(options.cell));
+  ASSIGN_OR_RETURN(const DrawnCell cell, CellToDraw(file));
   ASSIGN_OR_RETURN(const Given given, FindGiven(options, file));
-  ASSIGN_OR_RETURN(VerifiedRobot verified, RobotOf(file, *cell, given));
+  ASSIGN_OR_RETURN(VerifiedRobot verified, RobotOf(file, cell, given));
   if (!verified.unverified.empty()) {
     std::cerr << "the robot's model is not verified: " << verified.unverified << std::endl;
   }
   storage::v1::DrawnImages drawn;
-  drawn.set_forbidden(cell->forbidden_text);
-  drawn.set_tolerance(cell->parts.tolerance);
+  drawn.set_forbidden(cell.forbidden_text);
+  drawn.set_tolerance(cell.parts.tolerance);
   drawn.set_shard(shard.first);
   drawn.set_shards(shard.second);
   ASSIGN_OR_RETURN(const auto database, OpenTarget(file, given));
 
   CatchStopSignals();
   ASSIGN_OR_RETURN(const DrawReport report,
-                   DrawKinds(options, *database, verified.robot, cell->forbidden, drawn));
-  const std::string again = absl::StrCat(options.cell.Command("draw"),
-                                         options.shard.empty() ? "" : " --shard " + options.shard);
+                   DrawKinds(options, *database, verified.robot, cell.forbidden, drawn));
   std::optional<IndexBuildReport> index;
   if (!report.stopped) {
     ASSIGN_OR_RETURN(index, IndexWithProgress(options, *database));
   }
-  nlohmann::ordered_json json = {{"database", file.database},
-                                 {"shard", drawn.shard()},
-                                 {"shards", drawn.shards()},
-                                 {"configurations", report.configurations},
-                                 {"drawn", report.drawn},
-                                 {"kept", report.kept},
-                                 {"damaged", report.damaged},
-                                 {"excluded", report.excluded},
-                                 {"digest", drawn.digest()},
-                                 {"verified", verified.unverified.empty()},
-                                 {"seconds", absl::ToDoubleSeconds(absl::Now() - start)}};
-  std::string text = absl::StrFormat(
-      "configurations     %d%s\n"
-      "drawn              %d, %d of them excluded, in %s\n"
-      "there already      %d\n",
-      report.configurations, drawn.shards() > 1 ? absl::StrCat(", shard ", NameOfShard(drawn)) : "",
-      report.drawn, report.excluded, Spoken(absl::Now() - start), report.kept);
-  if (report.damaged > 0) {
-    absl::StrAppend(&text, "damaged            ", report.damaged, ", drawn again\n");
-  }
+  const absl::Duration took = absl::Now() - start;
+  nlohmann::ordered_json json = DrawnJson(file, drawn, report, verified.unverified.empty(), took);
+  std::string text = DrawnText(drawn, report, took);
   const bool complete = index && !index->stopped;
   if (index) {
     json["collision_index"] = IndexJson(*index);
     text += IndexText(*index);
   }
+  const std::string again = absl::StrCat(options.cell.Command("draw"),
+                                         options.shard.empty() ? "" : " --shard " + options.shard);
   if (!complete) json["next"] = again;
   PrintResult(options.cell.format, json, text);
   if (complete) return kDone;

@@ -77,7 +77,8 @@ bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot
   if (!calibration.ok()) return false;
   auto bare = BareRobotOf(**drawn, database, *calibration, cell.calibration.margin);
   if (!bare.ok()) return false;
-  const auto robot = VerifiedRobotOf(**drawn, *std::move(bare), *verification);
+  const auto robot =
+      VerifiedRobotOf(**drawn, *std::move(bare), database.grid().joints(), *verification);
   return robot.ok() && robot->unverified.empty();
 }
 
@@ -211,42 +212,55 @@ struct ReferenceArguments {
 
 constexpr int kImagesWithRobot = 40;
 
-absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
-  const CellArguments& arguments = options.cell;
-  ASSIGN_OR_RETURN(CellFile file, OpenCellFile(arguments));
-  std::optional<Travel> travel;
-  CellDevices devices;
-  if (options.with_robot) {
-    if (!StatesAGrid(file.cell)) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(arguments.cell,
-                       ": without a grid of all joints that move --with-robot would drive them to "
-                       "their limits; state one, or take the robot out of all views"));
-    }
-    travel.emplace(file.cell.grid, file.cell.capture.forbidden_regions);
-    ASSIGN_OR_RETURN(devices, OpenDevices(file.cell, *travel, schema::kDefaultVariant));
-  } else {
-    ASSIGN_OR_RETURN(devices.cameras, OpenCamerasOfEmptyCell(file.cell));
+// `travel`: made where the robot is driven.
+absl::StatusOr<CellDevices> DevicesFor(const ReferenceArguments& options, const Cell& cell,
+                                       std::optional<Travel>& travel) {
+  if (!options.with_robot) {
+    CellDevices devices;
+    ASSIGN_OR_RETURN(devices.cameras, OpenCamerasOfEmptyCell(cell));
+    return devices;
   }
-  ASSIGN_OR_RETURN(auto database, OpenOrCreateDatabase(file));
-  int& count = file.cell.capture.reference_images;
-  if (options.with_robot) count = kImagesWithRobot;
-  if (options.images > 0) count = options.images;
+  if (!StatesAGrid(cell)) {
+    return InvalidArgument(options.cell.cell,
+                           ": without a grid of all joints that move --with-robot would drive them "
+                           "to their limits; state one, or take the robot out of all views");
+  }
+  travel.emplace(cell.grid, cell.capture.forbidden_regions);
+  return OpenDevices(cell, *travel, schema::kDefaultVariant);
+}
 
-  CatchStopSignals();
+// By driving the robot if there is a `travel`; else `moved` gets the views in which something
+// moved.
+absl::StatusOr<storage::v1::References> TakeSets(const CellFile& file, Database& database,
+                                                 const std::optional<Travel>& travel,
+                                                 CellDevices& devices,
+                                                 std::vector<MovedInView>& moved) {
+  const int count = file.cell.capture.reference_images;
   std::optional<Progress> progress;
   progress.emplace("reference images", count, "sets");
   CaptureObserver observer;
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database->cell(), *devices.cameras));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *devices.cameras));
+  return travel ? TakeReferencesWithRobot(database, *travel, *devices.robot, *devices.cameras,
+                                          file.cell.capture, count, observer)
+                : TakeReferences(cameras, count, observer, &moved);
+}
+
+absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
+  const CellArguments& arguments = options.cell;
+  ASSIGN_OR_RETURN(CellFile file, OpenCellFile(arguments));
+  std::optional<Travel> travel;
+  ASSIGN_OR_RETURN(CellDevices devices, DevicesFor(options, file.cell, travel));
+  ASSIGN_OR_RETURN(auto database, OpenOrCreateDatabase(file));
+  int& count = file.cell.capture.reference_images;
+  if (options.with_robot) count = kImagesWithRobot;
+  if (options.images > 0) count = options.images;
+
+  CatchStopSignals();
   std::vector<MovedInView> moved;
-  const auto taken =
-      travel ? TakeReferencesWithRobot(*database, *travel, *devices.robot, *devices.cameras,
-                                       file.cell.capture, count, observer)
-             : TakeReferences(cameras, count, observer, &moved);
-  progress.reset();
+  const auto taken = TakeSets(file, *database, travel, devices, moved);
   if (absl::IsCancelled(taken.status())) {
     std::cerr << taken.status().message() << "; take them with: " << arguments.Command("reference")
               << std::endl;

@@ -204,13 +204,19 @@ storage::v1::ModelVerification VerificationOf(const ModelOfCell& model,
     const ComparedView& compared = found.views[view];
     storage::v1::ViewAgreement& agreement = *verification.add_views();
     agreement.set_view(model.views[view]);
-    agreement.set_strays(Share(compared.noise, compared.captured));
-    agreement.set_uncaptured(Share(compared.uncaptured, compared.certain));
+    agreement.set_strays(ShareOf(compared.noise, compared.captured));
+    agreement.set_uncaptured(ShareOf(compared.uncaptured, compared.certain));
     agreement.set_shift_x(compared.mean_shift.x());
     agreement.set_shift_y(compared.mean_shift.y());
     agreement.set_shift(compared.mean_amount);
   }
   verification.set_settings(Describe(settings));
+  for (const GridJoint& joint : model.database->grid().joints()) {
+    storage::v1::VerifiedRange& range = *verification.add_ranges();
+    range.set_joint(joint.name);
+    range.set_lower(joint.lower);
+    range.set_upper(joint.upper);
+  }
   return verification;
 }
 

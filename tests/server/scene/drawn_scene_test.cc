@@ -386,6 +386,12 @@ struct VerifiedSceneTest : DrawnSceneTest {
       growth.set_link(link.name);
       growth.set_growth(link.name == "tip" ? 0.03 : 0);
     }
+    for (const GridJoint& joint : database->grid().joints()) {
+      storage::v1::VerifiedRange& range = *verification.add_ranges();
+      range.set_joint(joint.name);
+      range.set_lower(joint.lower);
+      range.set_upper(joint.upper);
+    }
     return verification;
   }
 
@@ -421,6 +427,15 @@ TEST_F(VerifiedSceneTest, ModelBeyondWhichTheRobotReachesIsNoWholeModel) {
   sound->settings.whole_model = true;
   sound->settings.model_tolerance = 0.03;
   EXPECT_TRUE(LoadWith(Verification()).ok());
+}
+
+TEST_F(VerifiedSceneTest, VerificationInNarrowerJointRangesIsNone) {
+  storage::v1::ModelVerification verification = Verification();
+  storage::v1::VerifiedRange& lift = *verification.mutable_ranges(1);
+  lift.set_upper(lift.upper() - 0.1);
+  const auto loaded = LoadWith(verification);
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  EXPECT_THAT((*loaded)->unverified(), HasSubstr("its joint 'lift' moves from"));
 }
 
 TEST_F(VerifiedSceneTest, VerificationOfAnotherRobotIsNone) {

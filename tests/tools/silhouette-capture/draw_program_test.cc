@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "calib/files/calibration_message.h"
 #include "db/store/collision_index.h"
@@ -149,6 +150,65 @@ TEST_F(DrawProgram, SaysInOneSentenceWhatIsMissing) {
   cell_.WriteCell({{"  joints:\n", "  images: drawn\n  joints:\n"},
                    {"grid:\n  steps: {joint_1: 9, joint_3: 5}\n", ""}});
   refused("states no grid");
+}
+
+TEST_F(DrawProgram, DatabaseOfOtherJointsOrExchangedViewsGivesNothing) {
+  const std::pair<std::string, std::string> is_drawn = {"  joints:\n",
+                                                        "  images: drawn\n  joints:\n"};
+  cell_.WriteCell({is_drawn});
+  MakeBase();
+  const auto refused = [&](const std::string& difference) {
+    const Outcome outcome = Draw();
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+    EXPECT_THAT(outcome.err, AllOf(HasSubstr("the database '" + base() + "' does not belong to"),
+                                   HasSubstr(difference), HasSubstr("with --from")));
+    EXPECT_FALSE(std::filesystem::exists(cell_.database()));
+  };
+  cell_.WriteCell({is_drawn,
+                   {"name: top,", "name: x,"},
+                   {"name: front,", "name: top,"},
+                   {"name: x,", "name: front,"}});
+  refused("view 1: name is 'front' in the cell file, 'top' in the database;");
+  cell_.WriteCell({is_drawn,
+                   {"    - {name: joint_3, lower: -120 deg, upper: 110 deg}\n", ""},
+                   {"fixed: {", "fixed: {joint_3: 0, "},
+                   {", joint_3: 5}", "}"}});
+  refused("grid joint 2: name is missing in the cell file, 'joint_3' in the database;");
+  cell_.WriteCell({is_drawn,
+                   {"mask_size: [32, 32]", "mask_size: [48, 36]"},
+                   {"upper: 110 deg", "upper: 90 deg"},
+                   {"joint_3: 5}", "joint_3: 4}"}});
+  const Outcome outcome = Draw();
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
+TEST_F(DrawProgram, VerificationIsNoneWhereAJointMovesFartherThanItWasVerified) {
+  const std::pair<std::string, std::string> is_drawn = {"  joints:\n",
+                                                        "  images: drawn\n  joints:\n"};
+  cell_.WriteCell({is_drawn});
+  MakeBase();
+  storage::v1::ModelVerification verification;
+  verification.set_digest(nlohmann::json::parse(Draw().out)["digest"].get<std::string>());
+  for (const double degrees : {150, 120}) {
+    storage::v1::VerifiedRange& range = *verification.add_ranges();
+    range.set_lower(-degrees * std::numbers::pi / 180);
+    range.set_upper(degrees * std::numbers::pi / 180);
+  }
+  ASSERT_TRUE((*Database::Open(base(), Database::Access::kWrite))
+                  ->SetVerification(verification, "test")
+                  .ok());
+  const auto drawn = [&] {
+    std::filesystem::remove_all(cell_.database());
+    return Draw();
+  };
+  EXPECT_EQ(nlohmann::json::parse(drawn().out)["verified"], true);
+  cell_.WriteCell({is_drawn, {"upper: 150 deg", "upper: 155 deg"}});
+  const Outcome wider = drawn();
+  EXPECT_EQ(nlohmann::json::parse(wider.out)["verified"], false);
+  EXPECT_THAT(
+      wider.err,
+      HasSubstr("not verified: its joint 'joint_1' moves from -2.61799 to 2.70526, but only "
+                "from -2.61799 to 2.61799 when"));
 }
 
 TEST_F(DrawProgram, WithoutAGridNoReferenceImagesAreTakenWithARobotDrivenToItsLimits) {
