@@ -213,10 +213,14 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 }
 
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
-                                ServerClock& clock) {
+                                ServerClock& clock, const v1::Separation& separation) {
   const RunningClock::time_point received = RunningClock::now();
-  const absl::Duration valid_for = FromMessage(basis.valid_for());
-  if (valid_for <= absl::ZeroDuration() || received < After(asked, valid_for)) return asked;
+  absl::Duration enough = FromMessage(basis.valid_for());
+  if (enough <= absl::ZeroDuration()) return asked;
+  if (separation.has_valid_for()) {
+    enough = std::min(enough, FromMessage(separation.valid_for()) / 2);
+  }
+  if (received < After(asked, enough)) return asked;
   const auto earliest = clock.MadeAt(basis, received);
   return earliest.ok() ? std::max(asked, *earliest) : asked;
 }

@@ -35,10 +35,11 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
                                      RunningClock::time_point asked, const std::string& address);
 
 // The earliest time at which the server can have made an answer that has just arrived: when the
-// question was sent, unless the answer would be valid no more since then. Then a round trip tells
-// the way of the answer from the time that the server worked.
+// question was sent, unless the answer would be valid no more since then, or its separation for
+// less than half of its time. Then a round trip tells the way of the answer from the time that the
+// server worked.
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
-                                ServerClock& clock);
+                                ServerClock& clock, const v1::Separation& separation = {});
 
 // Whether an answer expired before it came; then its basis says so, and all verdicts of it become
 // unknown, kAnswerLate.

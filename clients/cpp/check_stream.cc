@@ -24,8 +24,8 @@ absl::Status NotAsked() { return absl::FailedPreconditionError("the question was
 
 class CheckStream::Impl {
  public:
-  Impl(std::shared_ptr<const Connection> connection, std::string variant)
-      : connection_(std::move(connection)), variant_(std::move(variant)) {
+  Impl(std::shared_ptr<const Connection> connection, absl::Duration timeout, std::string variant)
+      : connection_(std::move(connection)), timeout_(timeout), variant_(std::move(variant)) {
     call_.emplace(cancellation_, context_);
   }
 
@@ -36,7 +36,7 @@ class CheckStream::Impl {
   }
 
   absl::Status Send(v1::StreamChecksRequest question) {
-    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
     if (questions_ended_) {
       return absl::FailedPreconditionError("nothing can be asked after EndQuestions()");
     }
@@ -216,6 +216,7 @@ class CheckStream::Impl {
   }
 
   const std::shared_ptr<const Connection> connection_;
+  const absl::Duration timeout_;
   const std::string variant_;
   Cancellation cancellation_;
   grpc::ClientContext context_;
@@ -261,7 +262,7 @@ absl::Status CheckStream::SendPath(uint64_t id, std::span<const Configuration> w
 }
 
 CheckStream Client::StreamChecks() const {
-  return CheckStream(std::make_unique<CheckStream::Impl>(connection_, variant_));
+  return CheckStream(std::make_unique<CheckStream::Impl>(connection_, timeout_, variant_));
 }
 
 }  // namespace silhouette::client

@@ -23,10 +23,19 @@ namespace {
 
 RunningClock::time_point MadeAt(const std::shared_ptr<const Connection>& connection,
                                 const v1::Basis& basis, RunningClock::time_point asked,
-                                absl::Duration timeout) {
+                                absl::Duration timeout, const v1::Separation& separation = {}) {
   Cancellation never_cancelled;
   ServerClock clock(connection, timeout, never_cancelled);
-  return MadeAt(basis, asked, clock);
+  return MadeAt(basis, asked, clock, separation);
+}
+
+// Of an answer; empty if it cannot have one.
+template <typename Response>
+const v1::Separation& SeparationOf(const Response& /*answer*/) {
+  return v1::Separation::default_instance();
+}
+const v1::Separation& SeparationOf(const v1::CheckPathResponse& answer) {
+  return answer.separation();
 }
 
 // An answer, and when it was made at the earliest.
@@ -47,7 +56,8 @@ absl::StatusOr<Answered<Response>> Ask(const std::shared_ptr<const Connection>& 
   if (!response.ok()) return response.status();
   const absl::Status usable = RequireBasis(request.variant(), response->basis(), *connection);
   if (!usable.ok()) return usable;
-  const RunningClock::time_point made = MadeAt(connection, response->basis(), asked, timeout);
+  const RunningClock::time_point made =
+      MadeAt(connection, response->basis(), asked, timeout, SeparationOf(*response));
   return Answered<Response>{.message = *std::move(response), .made = made};
 }
 
@@ -62,11 +72,13 @@ absl::Status AskCell(const Connection& connection, absl::Duration timeout) {
 
 void RequireMasks(const v1::Scene& scene) {
   for (const v1::SceneView& view : scene.views()) {
-    if (!view.has_obstacle()) continue;
-    for (const v1::Mask* mask : {&view.scene(), &view.obstacle(), &view.unknown(), &view.error()}) {
-      FromMessage(*mask);
-    }
+    const bool all = view.has_obstacle();  // it comes with scene, unknown and error
+    if (all || view.has_scene()) FromMessage(view.scene());
+    if (all) FromMessage(view.obstacle());
+    if (all || view.has_unknown()) FromMessage(view.unknown());
+    if (all || view.has_error()) FromMessage(view.error());
     if (view.has_ignored()) FromMessage(view.ignored());
+    if (view.has_strong()) FromMessage(view.strong());
   }
 }
 void RequireMasks(const v1::AllowedRegion& region) {
@@ -76,6 +88,42 @@ void RequireMasks(const v1::ExplainResponse& explanation) {
   for (const v1::ViewExplanation& view : explanation.views()) {
     if (view.has_robot()) FromMessage(view.robot());
   }
+}
+
+using SpacePart = v1::GetConfigurationSpaceResponse;
+
+// What the parts of a configuration space bring.
+struct FetchedSpace {
+  std::optional<ConfigurationGrid> grid = std::nullopt;  // nothing: no part came
+  Basis basis = {};
+  std::optional<Reason> unknown = std::nullopt;
+  std::vector<ConfigurationSpaceTile> tiles = {};
+  uint64_t tiles_left_out = 0;
+};
+
+// Takes what only the first part has. `made`: as Basis::asked.
+absl::Status TakeBeginning(const SpacePart& first, RunningClock::time_point made,
+                           const std::string& address, FetchedSpace& space) {
+  absl::StatusOr<ConfigurationGrid> grid = absl::InternalError("it has no grid");
+  if (first.has_grid()) grid = FromMessage(first.grid());
+  if (!grid.ok()) return Malformed(address, grid.status().message());
+  space.grid = *std::move(grid);
+  space.basis = FromMessage(first.basis(), made);
+  space.tiles_left_out = first.tiles_left_out();
+  // By its beginning: a large space takes long to come.
+  const bool expired = DropIfExpired(space.basis);
+  if (expired && space.basis.scene_id != 0) space.unknown = Reason::kAnswerLate;
+  if (first.unknown_reason() != 0) space.unknown = FromMessage(first.unknown_reason());
+  return absl::OkStatus();
+}
+
+absl::Status TakeTiles(const SpacePart& part, const std::string& address, FetchedSpace& space) {
+  for (const v1::ConfigurationSpaceTile& message : part.tiles()) {
+    absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
+    if (!tile.ok()) return Malformed(address, tile.status().message());
+    space.tiles.push_back(*std::move(tile));
+  }
+  return absl::OkStatus();
 }
 
 // The message; Malformed if one of its masks cannot be.
@@ -133,10 +181,7 @@ Client::Client(std::shared_ptr<const Connection> connection,
 absl::StatusOr<Client> Client::Connect(const std::string& address, absl::Duration timeout,
                                        const ClientTls& tls) {
   if (absl::Status status = RequireAddress(address); !status.ok()) return status;
-  if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
-  if (timeout <= absl::ZeroDuration()) {
-    return absl::InvalidArgumentError("the time for a call must be positive");
-  }
+  if (absl::Status usable = RequireCallable(timeout); !usable.ok()) return usable;
   const auto credentials = ChannelCredentialsFor(
       address, {.ca = tls.ca, .certificate = tls.certificate, .key = tls.key});
   if (!credentials.ok()) return credentials.status();
@@ -196,7 +241,7 @@ absl::StatusOr<PathCheck> Client::CheckPath(
 absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
     const Policy& policy, std::span<const uint64_t> tiles, std::optional<absl::Duration> max_time,
     std::span<const double> clearance_levels) const {
-  if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+  if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
   v1::GetConfigurationSpaceRequest request;
   request.mutable_clearance_levels()->Add(clearance_levels.begin(), clearance_levels.end());
   if (max_time) *request.mutable_max_time() = ToMessage(*max_time);
@@ -208,41 +253,27 @@ absl::StatusOr<ConfigurationSpace> Client::GetConfigurationSpace(
   const RunningClock::time_point asked = RunningClock::now();
   const auto reader = connection_->collisions().GetConfigurationSpace(&context, request);
 
-  Basis basis;
-  absl::StatusOr<ConfigurationGrid> grid = absl::InternalError("it has no grid");
-  std::vector<ConfigurationSpaceTile> received;
-  uint64_t left_out = 0;
-  bool tells_levels = true;
-  bool first = true;
-  bool late = false;
-  using Part = v1::GetConfigurationSpaceResponse;
-  const auto take = [&](const Part& part) -> absl::Status {
-    if (std::exchange(first, false)) {
-      const absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
+  FetchedSpace space;
+  const auto take = [&](const SpacePart& part) -> absl::Status {
+    if (!space.grid) {
+      absl::Status usable = RequireBasis(variant_, part.basis(), *connection_);
       if (!usable.ok()) return usable;
-      basis = FromMessage(part.basis(), MadeAt(connection_, part.basis(), asked, timeout_));
-      // By its beginning: a large space takes long to come.
-      late = DropIfExpired(basis);
-      left_out = part.tiles_left_out();
-      if (part.has_grid()) grid = FromMessage(part.grid());
-      if (!grid.ok()) return Malformed(address(), grid.status().message());
+      const auto made = MadeAt(connection_, part.basis(), asked, timeout_);
+      usable = TakeBeginning(part, made, address(), space);
+      if (!usable.ok()) return usable;
     }
-    for (const v1::ConfigurationSpaceTile& message : part.tiles()) {
-      absl::StatusOr<ConfigurationSpaceTile> tile = FromMessage(message);
-      if (!tile.ok()) return Malformed(address(), tile.status().message());
-      tells_levels = tells_levels && (clearance_levels.empty() || !tile->above.empty());
-      received.push_back(*std::move(tile));
-    }
-    return absl::OkStatus();
+    return TakeTiles(part, address(), space);
   };
-  const absl::Status ended = connection_->ReadAll<Part>(*reader, context, timeout_, take);
+  const absl::Status ended = connection_->ReadAll<SpacePart>(*reader, context, timeout_, take);
   if (!ended.ok()) return ended;
-  if (!grid.ok()) return Malformed(address(), grid.status().message());
-  if (!tells_levels) return NoClearances(address());
-  if (late) received.clear();
+  if (!space.grid) return Malformed(address(), "it has no grid");
+  const bool lacks_levels = std::ranges::any_of(
+      space.tiles, [](const ConfigurationSpaceTile& tile) { return tile.above.empty(); });
+  if (!clearance_levels.empty() && lacks_levels) return NoClearances(address());
   try {
-    return ConfigurationSpace(*std::move(grid), basis, std::move(received), left_out,
-                              {clearance_levels.begin(), clearance_levels.end()});
+    return ConfigurationSpace(*std::move(space.grid), std::move(space.basis),
+                              std::move(space.tiles), space.tiles_left_out,
+                              {clearance_levels.begin(), clearance_levels.end()}, space.unknown);
   } catch (const std::invalid_argument& error) {
     return Malformed(address(), error.what());
   }

@@ -25,17 +25,20 @@ void MakeLevelsConsistent(ConfigurationSpaceTile& tile) {
 ConfigurationSpace::ConfigurationSpace(ConfigurationGrid grid, Basis basis,
                                        std::vector<ConfigurationSpaceTile> tiles,
                                        uint64_t tiles_left_out,
-                                       std::vector<double> clearance_levels)
+                                       std::vector<double> clearance_levels,
+                                       std::optional<Reason> unknown_reason)
     : grid_(std::move(grid)),
       basis_(std::move(basis)),
       tiles_(std::move(tiles)),
       tiles_left_out_(tiles_left_out),
-      clearance_levels_(std::move(clearance_levels)) {
+      clearance_levels_(std::move(clearance_levels)),
+      unknown_reason_(unknown_reason) {
   if (std::ranges::adjacent_find(clearance_levels_, std::greater_equal()) !=
       clearance_levels_.end()) {
     throw std::invalid_argument("clearance levels must ascend");
   }
-  if (basis_.scene_id == 0) tiles_.clear();
+  if (basis_.scene_id == 0 && !unknown_reason_) unknown_reason_ = Reason::kNoScene;
+  if (unknown_reason_) tiles_.clear();
   for (size_t i = 0; i < tiles_.size(); ++i) {
     if (tiles_[i].tile >= grid_.tiles()) {
       throw std::invalid_argument("tile " + std::to_string(tiles_[i].tile) +

@@ -56,6 +56,12 @@ absl::Status RequireNotForked() {
       "fork, as multiprocessing's 'spawn' does, or connect in the workers alone");
 }
 
+absl::Status RequireCallable(absl::Duration timeout) {
+  if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+  if (timeout > absl::ZeroDuration()) return absl::OkStatus();
+  return absl::InvalidArgumentError("the time for a call must be positive");
+}
+
 std::string SpokenTimeout(absl::Duration timeout) {
   const double seconds = absl::ToDoubleSeconds(timeout);
   return seconds < 1 ? absl::StrCat(seconds * 1e3, " ms") : absl::StrCat(seconds, " s");

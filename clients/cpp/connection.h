@@ -40,6 +40,9 @@ absl::Status Malformed(const std::string& address, absl::string_view what);
 // answers would reach the wrong one.
 absl::Status RequireNotForked();
 
+// Before a call: RequireNotForked, and InvalidArgument if its timeout is not positive.
+absl::Status RequireCallable(absl::Duration timeout);
+
 // Ends the calls of one object from any thread.
 class Cancellation {
  public:
@@ -94,7 +97,7 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
 
   const std::string& address() const { return address_; }
-  // For streams: only where RequireNotForked() is OK. As a call does, they give a failed connection
+  // For streams: only where RequireCallable() is OK. As a call does, they give a failed connection
   // a moment.
   v1::CollisionService::Stub& collisions() const {
     Reconnect(absl::InfiniteFuture());
@@ -125,10 +128,7 @@ class Connection {
                                 grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&,
                                                              Response*),
                                 const Request& request, absl::Duration timeout) const {
-    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
-    if (timeout <= absl::ZeroDuration()) {
-      return absl::InvalidArgumentError("the time for a call must be positive");
-    }
+    if (absl::Status usable = RequireCallable(timeout); !usable.ok()) return usable;
     const absl::Time deadline = absl::Now() + timeout;
     Reconnect(deadline);
     context.set_deadline(absl::ToChronoTime(deadline));

@@ -99,7 +99,9 @@ class LocalSpace::Impl {
       const bool lost = ReasonOfEnd(path.status()) == Reason::kConnectionLost;
       return UnknownMotion(lost ? Reason::kConnectionLost : Reason::kRefused, motion.front());
     }
-    if (RunningClock::now() >= ValidityOf(path->basis, options_.max_age).until) {
+    // What is unknown keeps its reason.
+    if (path->verdict.state != State::kUnknown &&
+        RunningClock::now() >= ValidityOf(path->basis, options_.max_age).until) {
       return UnknownMotion(Reason::kUpdateTooOld, motion.front());
     }
     const bool placed = !path->configuration.empty();
@@ -130,7 +132,7 @@ class LocalSpace::Impl {
 
   // Runs one stream to its end. Returns why it ended; `reason`: the same as a verdict's reason.
   absl::Status Subscribe(Reason& reason) {
-    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
     {
       const std::lock_guard lock(mutex_);
       ++status_.attempts;

@@ -65,7 +65,7 @@ class PathWatch::Impl {
  private:
   // Runs the call to its end. Returns why it ended.
   absl::Status Run() {
-    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->collisions().WatchPath(&context, request_);

@@ -70,7 +70,7 @@ class SceneWatch::Impl {
  private:
   // Runs the call to its end. Returns why it ended.
   absl::Status Run() {
-    if (absl::Status usable = RequireNotForked(); !usable.ok()) return usable;
+    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
     grpc::ClientContext context;
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->scenes().WatchScenes(&context, request_);

@@ -27,13 +27,14 @@ RunningClock::time_point After(RunningClock::time_point time, absl::Duration dur
 // two clocks may drift apart by kMostDrift of the passing time. So a message made d later by the
 // server's clock was not made before asked + d - kMostDrift * |d|.
 //
-// If earlier round trips imply that a message was made after its arrival, for example because a
-// computer slept, they are all dropped.
+// If earlier round trips imply that a message was made after its arrival, for example because the
+// server of another computer has the address now, they are all dropped.
 //
 // ClockAt: what the server's clock showed at a local time, at least. If an answer that states s
 // arrived at `answered`, the clock showed s at `answered` or earlier; so d later it showed
 // s + d - kMostDrift * |d| at least. A round trip that states less than that (the server's computer
-// was restarted or slept) takes the place of all earlier ones.
+// was restarted) takes the place of all earlier ones. Neither clock stands still while its computer
+// sleeps.
 //
 // Not thread-safe.
 class ServerTime {

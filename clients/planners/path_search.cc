@@ -3,11 +3,15 @@
 
 #include <algorithm>
 #include <map>
+#include <span>
 #include <utility>
 #include <vector>
 
 namespace silhouette {
 namespace {
+
+// The most configurations that the server checks at once.
+constexpr size_t kMostAtOnce = 10'000;
 
 // The two ends of a move, the lower number first.
 using Edge = std::pair<ConfigurationNumber, ConfigurationNumber>;
@@ -41,12 +45,16 @@ absl::StatusOr<std::vector<client::Verdict>> CheckMoves(const Client& client,
     middles.push_back(std::move(middle));
   }
   std::vector<client::Verdict> not_free;
-  if (middles.empty()) return not_free;
-  const auto checks = client.CheckConfigurations(middles, policy, client::Evidence::kOmit);
-  if (!checks.ok()) return checks.status();
-  for (size_t i = 0; i < edges.size(); ++i) {
-    known[edges[i]] = checks->verdicts[i].free();
-    if (!checks->verdicts[i].free()) not_free.push_back(checks->verdicts[i]);
+  for (size_t begin = 0; begin < middles.size(); begin += kMostAtOnce) {
+    const size_t count = std::min(kMostAtOnce, middles.size() - begin);
+    const auto checks = client.CheckConfigurations(std::span(middles).subspan(begin, count), policy,
+                                                   client::Evidence::kOmit);
+    if (!checks.ok()) return checks.status();
+    for (size_t i = 0; i < count; ++i) {
+      const client::Verdict& verdict = checks->verdicts[i];
+      known[edges[begin + i]] = verdict.free();
+      if (!verdict.free()) not_free.push_back(verdict);
+    }
   }
   return not_free;
 }

@@ -20,8 +20,7 @@ enum class Moves {
   // 2 d: one joint moves one step.
   kAxes,
   // 3^d - 1: any number of joints move one step each at once, and no corner is cut: every grid
-  // point
-  // of the box that the move spans must be free.
+  // point of the box that the move spans must be free.
   kDiagonals,
 };
 
@@ -79,8 +78,8 @@ struct Plan {
 // takes the move that comes first: fewer joints before more, earlier joints before later ones,
 // forwards before backwards.
 //
-// `is_free_configuration` may be empty: then the corners decide alone. Takes memory in proportion
-// to the tiles that the wave reaches (36 KB each), and handles paths of less than 2^31 steps.
+// Takes memory in proportion to the tiles that the wave reaches (36 KB each), and handles paths of
+// less than 2^31 steps.
 Plan PlanByWavePropagation(const ConfigurationGrid& grid, const FreeSpace& space,
                            std::span<const double> start, std::span<const double> goal,
                            const PlannerOptions& options = {});

@@ -139,6 +139,13 @@ void BindSpaces(py::module_& module) {
                              py::return_value_policy::reference_internal)
       .def_property_readonly("states", StatesOf,
                              "A new uint8 array in the shape of the grid, values of State.")
+      .def_property_readonly(
+          "unknown_reason",
+          [](const ConfigurationSpace& at) -> py::object {
+            const auto reason = at.unknown_reason();
+            return reason ? ToPython(*reason) : py::none();
+          },
+          "Why everything is unknown; None if verdicts were valid when they came.")
       .def_property_readonly("tiles_left_out", &ConfigurationSpace::tiles_left_out,
                              "Tiles that the server had no time for: their states are unknown.")
       .def_property_readonly("clearance_levels", &ConfigurationSpace::clearance_levels)

@@ -10,6 +10,7 @@
 //   Unavailable       no server answers there, or it went away before the answer was complete
 //   DeadlineExceeded  it did not answer in time
 //   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
+//   Aborted           the database was replaced meanwhile: publish or allow again
 //   PermissionDenied  the server does not allow this client the call (its roles)
 //   Unimplemented     the server is older than this library: it does not know a call, or reports no
 //                     clearances
@@ -148,7 +149,9 @@ class Client {
   // that before the cameras were triggered. They get it as server_clock, by round trips, at most
   // one a second: however long the request is under way, the server knows how old they are. Images
   // with a capture_time or server_clock keep it. InvalidArgument: an image has no time and `taken`
-  // is unset, or `taken` lies in the future.
+  // is unset, or `taken` lies in the future. FailedPrecondition: the server takes images itself,
+  // serves a newer scene, or has no reference images to subtract from camera images. Aborted: the
+  // database was replaced meanwhile; publish again.
   absl::StatusOr<v1::Scene> PublishScene(
       v1::PublishSceneRequest scene,
       std::optional<RunningClock::time_point> taken = std::nullopt) const;
@@ -174,7 +177,8 @@ class Client {
   absl::StatusOr<v1::ChangeVariantResponse> ChangeVariant(const std::string& variant) const;
 
   // Puts an allowed region into force, in place of the one of its name: in its views obstacle
-  // pixels are unknown for its duration, ten minutes at most.
+  // pixels are unknown for its duration, ten minutes at most. Aborted: the database was replaced
+  // meanwhile; allow it again.
   absl::StatusOr<v1::AllowedRegion> AllowRegion(const v1::AllowRegionRequest& region) const;
   // Ends a region at once; whether one of this name was in force.
   absl::StatusOr<bool> RevokeRegion(const std::string& name) const;

@@ -51,15 +51,19 @@ struct ClearanceBound {
 class ConfigurationSpace {
  public:
   // Configurations of a tile that is not among `tiles` are unknown, so are those that a tile calls
-  // both free and occupied, and all if `basis` has no scene. `clearance_levels`: in pixels of the
-  // masks, ascending; a configuration counts as above a level only if it is free and above all
-  // lower levels. Throws std::invalid_argument for a tile beyond the grid, a repeated tile, a tile
-  // with other levels, and for levels that do not ascend.
+  // both free and occupied, and all if `basis` has no scene or there is an `unknown_reason`.
+  // `clearance_levels`: in pixels of the masks, ascending; a configuration counts as above a level
+  // only if it is free and above all lower levels. Throws std::invalid_argument for a tile beyond
+  // the grid, a repeated tile, a tile with other levels, and for levels that do not ascend.
   ConfigurationSpace(ConfigurationGrid grid, Basis basis, std::vector<ConfigurationSpaceTile> tiles,
-                     uint64_t tiles_left_out = 0, std::vector<double> clearance_levels = {});
+                     uint64_t tiles_left_out = 0, std::vector<double> clearance_levels = {},
+                     std::optional<Reason> unknown_reason = std::nullopt);
 
   const ConfigurationGrid& grid() const { return grid_; }
   const Basis& basis() const { return basis_; }
+
+  // Why everything is unknown; nothing if verdicts were valid when they came.
+  std::optional<Reason> unknown_reason() const { return unknown_reason_; }
 
   // Number of requested tiles that the server had no time for.
   uint64_t tiles_left_out() const { return tiles_left_out_; }
@@ -86,6 +90,7 @@ class ConfigurationSpace {
   std::vector<ConfigurationSpaceTile> tiles_;
   uint64_t tiles_left_out_ = 0;
   std::vector<double> clearance_levels_;
+  std::optional<Reason> unknown_reason_;
   std::unordered_map<uint64_t, size_t> places_;  // tile -> index into tiles_
 };
 

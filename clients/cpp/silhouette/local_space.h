@@ -63,8 +63,7 @@ struct LocalSpaceStatus {
 // (detected without the server), while its age is unknown, and if the server reports unknown.
 //
 // The age of a scene follows from the server's running clock, which is requested once a second. So
-// a message that was delayed counts with its real age. (Time that the computer slept does not count
-// until the next request.)
+// a message that was delayed counts with its real age. Time that a computer sleeps counts, too.
 //
 // Any number of threads may use it at once; reading never waits for an update. Threads that check
 // often should use snapshots, because single checks share a counter.

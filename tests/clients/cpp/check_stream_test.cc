@@ -23,7 +23,6 @@ using Question = v1::StreamChecksRequest;
 using Answer = v1::StreamChecksResponse;
 using Stream = grpc::ServerReaderWriter<Answer, Question>;
 
-// Free where the first joint is positive.
 // The basis of an answer that is made now.
 void SetBasis(v1::Basis& basis) {
   basis.set_scene_id(3);
@@ -32,6 +31,7 @@ void SetBasis(v1::Basis& basis) {
       ToMessage(absl::FromChrono(RunningClock::now().time_since_epoch()));
 }
 
+// Free where the first joint is positive.
 v1::CheckConfigurationsResponse Judge(const v1::CheckConfigurationsRequest& request) {
   v1::CheckConfigurationsResponse response;
   SetBasis(*response.mutable_basis());

@@ -148,14 +148,37 @@ TEST(Scene, WithAnImageOfUnknownAgeOrFromTheFutureIsRefusedAndNotSent) {
 }
 
 TEST(Scene, WithAMaskThatCannotBeIsAnError) {
+  using View = v1::SceneView;
+  View view;  // of the next answer
   FakeServer server;
-  server.get_scene = [](auto&, auto&, v1::GetSceneResponse& response) {
-    v1::SceneView& view = *response.mutable_scene()->add_views();
-    view.mutable_obstacle()->set_width(8);
-    view.mutable_obstacle()->set_height(8);
+  server.get_scene = [&](auto&, auto&, v1::GetSceneResponse& response) {
+    *response.mutable_scene()->add_views() = view;
     return grpc::Status::OK;
   };
-  EXPECT_EQ(ClientOfHere(server).GetScene().status().code(), absl::StatusCode::kInternal);
+  const Client client = ClientOfHere(server);
+  const v1::Mask sound = ToMessage(Mask({8, 8}));
+  // Alone, as `scene` comes without obstacles, and with all others.
+  for (const bool alone : {true, false}) {
+    for (const auto plane : {&View::mutable_scene, &View::mutable_obstacle, &View::mutable_unknown,
+                             &View::mutable_error, &View::mutable_ignored, &View::mutable_strong}) {
+      view.Clear();
+      if (!alone) {
+        *view.mutable_scene() = *view.mutable_obstacle() = *view.mutable_unknown() = sound;
+        *view.mutable_error() = *view.mutable_ignored() = *view.mutable_strong() = sound;
+        EXPECT_TRUE(client.GetScene().ok());
+      }
+      (view.*plane)()->set_width(8);
+      (view.*plane)()->set_height(9);
+      EXPECT_EQ(client.GetScene().status().code(), absl::StatusCode::kInternal)
+          << view.ShortDebugString();
+    }
+  }
+  view.Clear();
+  *view.mutable_obstacle() = sound;
+  EXPECT_EQ(client.GetScene().status().code(), absl::StatusCode::kInternal) << "without the others";
+  view.Clear();
+  *view.mutable_scene() = sound;
+  EXPECT_TRUE(client.GetScene().ok());
 }
 
 }  // namespace

@@ -436,11 +436,33 @@ TEST(Errors, ServerThatDoesNotAnswerInTimeIsNamed) {
 
 TEST(Errors, TimeThatIsNotPositiveIsRefusedByEveryCall) {
   FakeServer server;
-  const Client client = ClientOfHere(server);
+  const std::vector<uint32_t> numbers = {5};
   for (const absl::Duration timeout :
        {absl::ZeroDuration(), absl::Seconds(-1), -absl::InfiniteDuration()}) {
-    EXPECT_EQ(client.WithTimeout(timeout).CheckConfigurations(kOne).status().code(),
+    EXPECT_EQ(Client::Connect(server.address, timeout).status().code(),
               absl::StatusCode::kInvalidArgument);
+    const Client client = ClientOfHere(server).WithTimeout(timeout);
+    const std::vector<std::pair<std::string, absl::Status>> calls = {
+        {"CheckConfigurations", client.CheckConfigurations(kOne).status()},
+        {"CheckNumbers", client.CheckNumbers(numbers).status()},
+        {"CheckPath", client.CheckPath(kOne).status()},
+        {"WatchPath", client.WatchPath(kOne)->Next().status()},
+        {"StreamChecks", client.StreamChecks().Send(1, kOne)},
+        {"GetConfigurationSpace", client.GetConfigurationSpace().status()},
+        {"Explain", client.Explain(kOne[0]).status()},
+        {"PublishScene", client.PublishScene({}).status()},
+        {"GetScene", client.GetScene().status()},
+        {"WatchScenes", client.WatchScenes().Next(absl::Seconds(20)).status()},
+        {"GetAcquisition", client.GetAcquisition().status()},
+        {"BeginVariantChange", client.BeginVariantChange().status()},
+        {"ChangeVariant", client.ChangeVariant("tool").status()},
+        {"AllowRegion", client.AllowRegion({}).status()},
+        {"RevokeRegion", client.RevokeRegion("part").status()},
+        {"ListAllowedRegions", client.ListAllowedRegions().status()},
+        {"GetDatabase", client.GetDatabase().status()}};
+    for (const auto& [call, status] : calls) {
+      EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << call << ": " << status;
+    }
   }
 }
 

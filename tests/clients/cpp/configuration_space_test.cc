@@ -127,6 +127,21 @@ TEST(ConfigurationSpace, WithoutASceneNothingIsFree) {
   ASSERT_TRUE(space.ok());
   EXPECT_EQ(space->Count().free, 0u);
   EXPECT_EQ(space->Count().unknown, ConfigurationSpaceGrid().size());
+  EXPECT_EQ(space->unknown_reason(), Reason::kNoScene);
+}
+
+TEST(ConfigurationSpace, WithAReasonOfTheServerNothingIsFreeWhateverTilesCome) {
+  Part part = FirstPart();
+  AddTile(part, 0, true);
+  EXPECT_EQ(Fetch({part})->unknown_reason(), std::nullopt);
+  // 99: what a newer server may say.
+  for (const auto& [sent, read] : {std::pair(2, Reason::kSceneStale), {99, Reason::kUnspecified}}) {
+    part.set_unknown_reason(static_cast<v1::Verdict::Reason>(sent));
+    const auto space = Fetch({part});
+    ASSERT_TRUE(space.ok()) << space.status();
+    EXPECT_EQ(space->unknown_reason(), read);
+    EXPECT_EQ(space->Count().unknown, ConfigurationSpaceGrid().size());
+  }
 }
 
 TEST(ConfigurationSpace, BrokenStreamIsAnErrorAndNoSpace) {

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <string>
 #include <thread>
@@ -37,11 +38,17 @@ class LateAnswers : public testing::Test {
       if (asks) std::this_thread::sleep_for(held_up_);
       return grpc::Status::OK;
     };
-    server_.check_path = [this](auto&, const auto&, auto& response) {
+    server_.check_path = [this](auto&, const v1::CheckPathRequest& request, auto& response) {
       std::this_thread::sleep_for(works_);
       SetFree(*response.mutable_verdict());
       response.set_proof(v1::PATH_PROOF_GRID);
+      if (request.has_separation()) {
+        response.mutable_separation()->set_level(2);
+        *response.mutable_separation()->mutable_valid_for() =
+            ToMessage(absl::FromChrono(level_valid_));
+      }
       Stamp(*response.mutable_basis());
+      path_made_ = RunningClock::now();
       std::this_thread::sleep_for(held_up_);
       return grpc::Status::OK;
     };
@@ -106,8 +113,25 @@ class LateAnswers : public testing::Test {
             explanation->verdict};
   }
 
+  // The level of a path that the server worked on for `works` is valid for 1.5 s from then.
+  void ExpectWholeLevel(std::chrono::milliseconds works) {
+    valid_ = std::chrono::minutes(1);
+    level_valid_ = std::chrono::milliseconds(1500);
+    works_ = works;
+    const RunningClock::time_point asked = RunningClock::now();
+    const auto path =
+        ClientOfHere(server_).CheckPath(kLateOne, {}, Clearance::kOmit, {}, SeparationPolicy{});
+    ASSERT_TRUE(path.ok()) << path.status();
+    EXPECT_EQ(path->separation->LevelNow(), 2);
+    EXPECT_GE(path->separation->valid_until, asked + works / 2 + level_valid_);
+    EXPECT_LE(path->separation->valid_until, path_made_.load() + level_valid_);
+    EXPECT_TRUE(path->verdict.free());
+  }
+
   FakeServer server_;
   std::chrono::milliseconds valid_ = kValid;
+  std::chrono::milliseconds level_valid_ = kValid;
+  std::atomic<RunningClock::time_point> path_made_{};
   std::chrono::milliseconds works_{0};
   std::chrono::milliseconds held_up_{0};
   Basis basis_;
@@ -129,6 +153,7 @@ TEST_F(LateAnswers, AreNeverFreeAndSaySo) {
   const auto space = ClientOfHere(server_).GetConfigurationSpace();
   ASSERT_TRUE(space.ok()) << space.status();
   EXPECT_EQ(space->Count().unknown, 10u);
+  EXPECT_EQ(space->unknown_reason(), Reason::kAnswerLate);
 }
 
 TEST_F(LateAnswers, OfAStreamAreAlsoThoseThatWaitForReceiveUntilTheyExpire) {
@@ -154,6 +179,25 @@ TEST_F(LateAnswers, AreNotThoseThatTheServerWorkedOnForLong) {
   EXPECT_EQ(numbers->StateOf(0), State::kFree);
   const auto space = ClientOfHere(server_).GetConfigurationSpace();
   EXPECT_EQ(space->Count().free, 10u);
+}
+
+TEST_F(LateAnswers, HaveTheirSpeedLevelThoughTheServerWorkedLongerThanItIsValid) {
+  ExpectWholeLevel(std::chrono::milliseconds(1700));
+}
+
+TEST_F(LateAnswers, HaveTheirSpeedLevelForAllOfItsTimeIfTheServerWorkedForMostOfIt) {
+  ExpectWholeLevel(std::chrono::milliseconds(1000));
+}
+
+TEST_F(LateAnswers, HaveNoSpeedLevelOnceItHasExpired) {
+  valid_ = std::chrono::minutes(1);
+  held_up_ = kHeldUp;
+  const auto path =
+      ClientOfHere(server_).CheckPath(kLateOne, {}, Clearance::kOmit, {}, SeparationPolicy{});
+  ASSERT_TRUE(path.ok()) << path.status();
+  EXPECT_EQ(path->separation->level, 2);
+  EXPECT_EQ(path->separation->LevelNow(), 0);
+  EXPECT_TRUE(path->verdict.free());
 }
 
 TEST_F(LateAnswers, AreNotThoseThatAreStillValid) {

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <thread>
 
@@ -406,6 +407,34 @@ TEST(LocalSpace, OffTheGridNothingIsKnownWithoutTheServersRule) {
   EXPECT_TRUE(space.Check({0, 5}).free());
   EXPECT_EQ(space.Check({0.5, 5.5}).reason, Reason::kBetweenGridPoints);
   EXPECT_EQ(space.Check({0.5, 63.5}).reason, Reason::kBetweenGridPoints);
+}
+
+TEST(LocalSpace, MotionThatTheServerIsAskedForKeepsItsReasonAndIsNeverOlderThanMaxAge) {
+  std::array<v1::CheckPathResponse, 3> answers;
+  *answers[0].mutable_basis() = BasisOf(3);
+  Set(absl::ZeroDuration(), answers[0].mutable_basis()->mutable_valid_for());
+  answers[0].mutable_verdict()->set_state(v1::Verdict::STATE_UNKNOWN);
+  answers[0].mutable_verdict()->set_reason(v1::Verdict::REASON_VIEW_MISSING);
+  *answers[1].mutable_basis() = BasisOf(3, absl::Minutes(11));
+  answers[1].mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+  *answers[2].mutable_basis() = BasisOf(3, absl::Seconds(1));
+  answers[2].mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+  std::atomic<size_t> asked = 0;
+  WatchedServer server;  // that knows no GetDatabase: between grid points it is asked
+  server.fake.check_path = [&](auto&, auto&, v1::CheckPathResponse& response) {
+    response = answers.at(asked++);
+    return grpc::Status::OK;
+  };
+  const LocalSpace space(LocalSpaceClientOf(server), {.max_age = absl::Minutes(10)});
+  server.Send(FirstUpdate(BasisOf(3)));
+  space.WaitForUpdate(0, kLocalSpaceLong);
+  const Configuration from = {0.5, 5.5};
+  const Configuration to = {0.5, 6.5};
+  EXPECT_EQ(space.CheckMotionOrAsk(from, to).reason, Reason::kViewMissing);
+  const MotionVerdict old = space.CheckMotionOrAsk(from, to);
+  EXPECT_EQ(old.state, State::kUnknown);
+  EXPECT_EQ(old.reason, Reason::kUpdateTooOld);
+  EXPECT_TRUE(space.CheckMotionOrAsk(from, to).free());
 }
 
 TEST(LocalSpace, EndsAtOnceWhateverItWaitsFor) {

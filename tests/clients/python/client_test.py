@@ -26,7 +26,8 @@ def test_before_the_first_scene_nothing_is_free(client):
     assert checks.basis.scene_id == 0 and checks.basis.age() is None
     path = client.check_path([[0, 0], [0.1, 0]])
     assert not path and path.verdict.reason is Reason.NO_SCENE
-    assert not (client.configuration_space().states == State.FREE).any()
+    space = client.configuration_space()
+    assert not (space.states == State.FREE).any() and space.unknown_reason is Reason.NO_SCENE
     assert client.explain([0, 0]).views == []
     with pytest.raises(silhouette.NotFound, match="scene"):
         client.get_scene()
@@ -54,7 +55,8 @@ def test_verdicts_of_all_grid_points_are_those_of_the_masks(client):
     expected = np.where(TRUTH, State.OCCUPIED, State.FREE)
     assert (checks.states.reshape(grid.shape) == expected).all()
     assert (checks.free == ~TRUTH.ravel()).all()
-    assert (client.configuration_space().states == expected).all()
+    space = client.configuration_space()
+    assert (space.states == expected).all() and space.unknown_reason is None
     numbers = grid.numbers
     assert numbers.dtype == np.uint32
     assert (client.check_numbers(numbers.ravel()).states.reshape(grid.shape) == expected).all()
