@@ -247,19 +247,24 @@ std::optional<PathDistance> Checker::Distance(std::span<const Configuration> way
   return SeparationMeter(basis->robot(), space).Along(waypoints, horizon, stop);
 }
 
+std::optional<std::vector<Mask>> Checker::TestRobotImages(std::span<const double> q) const {
+  return test_ ? test_->TestRobotImages(q) : std::nullopt;
+}
+
 std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
   return test_ ? test_->TestRobotImage(view, q) : std::nullopt;
 }
 
 CollisionImages Checker::PossibleImagesAt(std::span<const double> q) const {
-  const PossibleSpace& possible = *SupportFor(served_, policy_).possible_space;
   CollisionImages images(static_cast<size_t>(served_.database->views()));
+  const std::optional<std::vector<Mask>> robot = TestRobotImages(q);
+  if (!robot) return images;
+  const PossibleSpace& possible = *SupportFor(served_, policy_).possible_space;
   for (size_t view = 0; view < images.size(); ++view) {
-    const std::optional<Mask> robot = TestRobotImage(static_cast<int>(view), q);
-    if (!robot || !possible.sees(static_cast<int>(view))) continue;
-    images[view] = Mask(robot->size());
+    if (!possible.sees(static_cast<int>(view))) continue;
+    images[view] = Mask((*robot)[view].size());
     for (const PossibleSpace::Part& part : possible.parts()) {
-      if (part.planes[view]) images[view] = *images[view] | (*part.planes[view] & *robot);
+      if (part.planes[view]) images[view] = *images[view] | (*part.planes[view] & (*robot)[view]);
     }
   }
   return images;
@@ -270,15 +275,15 @@ CollisionImages Checker::CollisionImagesAt(std::span<const double> q) const {
   CollisionImages images(views);
   if (!test_) return images;
   if (IsSound(policy_.preset)) return PossibleImagesAt(q);
+  const std::optional<std::vector<Mask>> robot = TestRobotImages(q);
+  if (!robot) return images;
+  const CollisionImages* resolved = SupportFor(served_, policy_).resolved;
   IntersectionImages intersections(views);
   for (size_t view = 0; view < views; ++view) {
     const std::optional<ObstacleImage>& obstacle = served_.scene->obstacle_images[view];
-    const std::optional<Mask> robot = TestRobotImage(static_cast<int>(view), q);
-    if (!obstacle || !robot) continue;
-    intersections[view].emplace(*obstacle, *robot);
-    if (const auto* resolved = SupportFor(served_, policy_).resolved) {
-      images[view] = *(*resolved)[view] & *robot;
-    }
+    if (!obstacle) continue;
+    intersections[view].emplace(*obstacle, (*robot)[view]);
+    if (resolved != nullptr) images[view] = *(*resolved)[view] & (*robot)[view];
   }
   if (policy_.preset == Preset::kPaperCalibrated) return images;
   if (!IsCalibrated(policy_.preset)) return UncalibratedCollisionImages(intersections);

@@ -58,13 +58,15 @@ class Checker {
                                        std::optional<double> horizon,
                                        const Stop& stop = nullptr) const;
 
-  // The test robot image of `q`; nothing if there is no scene, or a robot image that it takes is
-  // not there.
+  // The test robot images of `q`, one per view; nothing if there is no scene, or a robot image that
+  // they take is not there.
+  std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q) const;
+  // That of one view.
   std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
   // The collision images of `q`: which pixels show an obstacle under the policy; under the sound
   // presets, what may hold one, wherever in space it meets the robot image. Nothing where the
-  // scene lacks the view, and everywhere if TestRobotImage gives nothing.
+  // scene lacks the view, and everywhere if TestRobotImages gives nothing.
   CollisionImages CollisionImagesAt(std::span<const double> q) const;
 
   // The names of the allowed regions without which the verdict on `q` might be another: those that

@@ -52,10 +52,7 @@ bool ConfigurationSpace::looked_up(uint64_t tile) const {
 }
 
 bool ConfigurationSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const {
-  return std::ranges::all_of(tiles, [&](uint64_t tile) {
-    return ready(tile) ||
-           (!Stopped(stop) && tiles_.Get(tile, stop, [&](uint64_t at) { return Make(at, stop); }));
-  });
+  return tiles_.WorkOut(tiles, stop, [&](uint64_t tile) { return Make(tile, stop); });
 }
 
 std::optional<TileVerdicts> ConfigurationSpace::Make(uint64_t tile, const Stop& stop) const {
@@ -151,10 +148,7 @@ const LevelChecker& ClearanceSpace::Test() const {
 }
 
 bool ClearanceSpace::WorkOut(std::span<const uint64_t> tiles, const Stop& stop) const {
-  return std::ranges::all_of(tiles, [&](uint64_t tile) {
-    return ready(tile) ||
-           (!Stopped(stop) && tiles_.Get(tile, stop, [&](uint64_t at) { return Make(at, stop); }));
-  });
+  return tiles_.WorkOut(tiles, stop, [&](uint64_t tile) { return Make(tile, stop); });
 }
 
 std::optional<std::vector<PlaceSet>> ClearanceSpace::Make(uint64_t tile, const Stop& stop) const {

@@ -2,6 +2,7 @@
 // Values that are made when they are first asked for.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -10,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -103,6 +105,14 @@ class TilesMadeOnce {
     values_[tile] = *std::move(made);
     steps_[tile].store(Step::kReady, std::memory_order_release);
     return &values_[tile];
+  }
+
+  // Makes the values of these tiles, as Get. False if it was given up; what is ready stays so.
+  template <typename Make>
+  bool WorkOut(std::span<const uint64_t> tiles, const Stop& stop, const Make& make) const {
+    return std::ranges::all_of(tiles, [&](uint64_t tile) {
+      return ready(tile) || (!Stopped(stop) && Get(tile, stop, make) != nullptr);
+    });
   }
 
  private:

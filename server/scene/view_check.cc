@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <string_view>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -39,8 +40,8 @@ struct RobotPixels {
   }
 };
 
+// Of a view that has both, foreground and robot.
 RobotPixels RobotPixelsOf(const ViewToCheck& view) {
-  if (view.foreground == nullptr || view.robot == nullptr) return {};
   const auto counted = [&view](Mask pixels) {
     if (view.ignored != nullptr) pixels = pixels - *view.ignored;
     return view.base != nullptr ? pixels - *view.base : pixels;
@@ -99,10 +100,15 @@ bool Nowhere(std::span<const RobotPixels> robot) {
 void CheckRobot(std::span<const ViewToCheck> views, double most_missing,
                 std::vector<SceneDefect>& defects) {
   std::vector<RobotPixels> robot;
-  for (const ViewToCheck& view : views) robot.push_back(RobotPixelsOf(view));
+  std::vector<std::string_view> names;
+  for (const ViewToCheck& view : views) {
+    if (view.foreground == nullptr || view.robot == nullptr) continue;
+    robot.push_back(RobotPixelsOf(view));
+    names.push_back(view.name);
+  }
   const bool nowhere = Nowhere(robot);
   if (!nowhere && !MissesMuch(robot, most_missing) && !MissesMostTogether(robot)) return;
-  for (size_t view = 0; view < views.size(); ++view) {
+  for (size_t view = 0; view < robot.size(); ++view) {
     const RobotPixels& pixels = robot[view];
     if (pixels.missing == 0 && !(nowhere && pixels.Unseen())) continue;
     const double share =
@@ -114,7 +120,7 @@ void CheckRobot(std::span<const ViewToCheck> views, double most_missing,
          absl::StrFormat("view '%s' shows the empty cell on %.0f %% of the pixels where the robot "
                          "should be: let the robot report its true joints, and scenes state its "
                          "variant",
-                         views[view].name, 100 * share)});
+                         names[view], 100 * share)});
   }
 }
 

@@ -26,8 +26,9 @@ struct ViewToCheck {
 };
 
 // What is wrong with the views of a scene: each a defect with which no verdict is free. `names`: of
-// all views of the cell, for ImageCondition::other. Where a scene has several views, the one that
-// misses most of the robot does not count: what is as bright as the floor hides it in one.
+// all views of the cell, for ImageCondition::other. Where a scene has several views that can tell
+// where the robot is, with foreground and robot, the one that misses most of it does not count:
+// what is as bright as the floor hides it in one.
 std::vector<SceneDefect> CheckViews(std::span<const ViewToCheck> views,
                                     std::span<const std::string> names,
                                     const ViewCheckSettings& settings);

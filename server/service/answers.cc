@@ -279,6 +279,19 @@ void ProofToMessage(const ServedDatabase& database, const PathVerdict& path,
   response->set_sampled_step(path.sampled_step);
 }
 
+// What of a separation holds `passed` later. `blocked`: why nothing does; kNone: it does.
+void Conclude(Reason blocked, absl::Duration passed, v1::Separation& separation) {
+  if (blocked != Reason::kNone) {
+    v1::Separation nothing_known;
+    nothing_known.set_range(separation.range());
+    nothing_known.set_unknown_reason(ToMessage(blocked));
+    separation = nothing_known;
+  } else if (separation.has_valid_for()) {
+    ToMessage(std::max(absl::ZeroDuration(), DurationFrom(separation.valid_for()) - passed),
+              separation.mutable_valid_for());
+  }
+}
+
 }  // namespace
 
 absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const Stop& cancelled,
@@ -313,17 +326,9 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
   }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
-  if (response->separation().has_valid_for()) {
-    v1::Separation& separation = *response->mutable_separation();
-    const absl::Duration since = DurationFrom(response->basis().server_clock()) - separation_time;
-    ToMessage(std::max(absl::ZeroDuration(), DurationFrom(separation.valid_for()) - since),
-              separation.mutable_valid_for());
-  }
-  if (blocked != Reason::kNone && response->has_separation()) {
-    v1::Separation nothing_known;
-    nothing_known.set_range(response->separation().range());
-    nothing_known.set_unknown_reason(ToMessage(blocked));
-    *response->mutable_separation() = nothing_known;
+  if (response->has_separation()) {
+    Conclude(blocked, DurationFrom(response->basis().server_clock()) - separation_time,
+             *response->mutable_separation());
   }
   const Verdict verdict = Final(path.verdict, blocked);
   serving.verdicts.Add(verdict);
@@ -383,6 +388,7 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
   const Served& served = checker.served();
   if (served.scene == nullptr) return;
   const CollisionImages collision = checker.CollisionImagesAt(q);
+  const std::optional<std::vector<Mask>> robot = checker.TestRobotImages(q);
   for (int view = 0; view < served.database->views(); ++view) {
     v1::ViewExplanation& explanation = *response->add_views();
     explanation.set_view(served.database->view_name(view));
@@ -394,10 +400,9 @@ void ExplainViews(const Checker& checker, std::span<const double> q,
     const Scene& scene = *served.scene;
     explanation.set_obstacle_png(EncodePng(
         PictureOfView(scene, i, obstacle.obstacle(), obstacle.unknown(), obstacle.error())));
-    const std::optional<Mask> robot = checker.TestRobotImage(view, q);
     if (!robot) continue;
-    ToMessage(*robot, explanation.mutable_robot());
-    const IntersectionImage intersection(obstacle, *robot);
+    ToMessage((*robot)[i], explanation.mutable_robot());
+    const IntersectionImage intersection(obstacle, (*robot)[i]);
     explanation.set_intersection_png(EncodePng(PictureOfView(
         scene, i, intersection.obstacle(), intersection.unknown(), intersection.error())));
     if (!collision[i]) continue;

@@ -59,7 +59,6 @@ absl::Status Answer(Serving& serving, const v1::CheckPathRequest& request, const
 absl::Status Answer(Serving& serving, const v1::ExplainRequest& request,
                     v1::ExplainResponse* response);
 
-// The pictures of one verdict.
 // Adds what every view shows: scene, obstacle, intersection and collision image, as far as they are
 // there. Nothing where there is no scene.
 void ExplainViews(const Checker& checker, std::span<const double> q, v1::ExplainResponse* response);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/defects.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -34,6 +35,25 @@ std::string WhyNoScene(Reason without_scene, const ServingSettings& settings) {
       settings.live == nullptr ? "publish one" : FaultsOf(settings.live->StatusOfDevices()));
 }
 
+namespace {
+
+// What happened while an answer was made that its scene does not show; empty: nothing.
+std::string WhatHappenedMeanwhile(Reason blocked) {
+  switch (blocked) {
+    case Reason::kGenerationMismatch:
+      return "the database was replaced while the answer was made; ask again";
+    case Reason::kRegionEnded:
+      return "an allowed region ended or was revoked while the answer was made; ask again";
+    case Reason::kVariantUnknown:
+      return "the robot's variant changed while the answer was made; ask again after the next "
+             "scene";
+    default:
+      return "";
+  }
+}
+
+}  // namespace
+
 std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
                                    const ServingSettings& settings, const Moment& now) {
   std::vector<SceneDefect> defects;
@@ -49,6 +69,10 @@ std::vector<SceneDefect> DefectsOf(const Served& served, Reason blocked,
   if (blocked == Reason::kCalibrationDoubtful && doubt) {
     defects.push_back({blocked, absl::StrCat("the calibration is not confirmed: ", *doubt)});
   }
+  const bool stated = std::ranges::any_of(
+      defects, [&](const SceneDefect& defect) { return defect.reason == blocked; });
+  const std::string meanwhile = WhatHappenedMeanwhile(blocked);
+  if (!stated && !meanwhile.empty()) defects.push_back({blocked, meanwhile});
   return defects;
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why nothing is free, in sentences that name the thing: the scene's defects, its age, and what the
-// devices do if the server acquires images itself.
+// Why nothing is free, in sentences that name the thing: the scene's defects, its age, what the
+// devices do if the server acquires images itself, and what happened while an answer was made.
 #pragma once
 
 #include <string>

@@ -126,9 +126,16 @@ absl::Status IndexCheck::CompareMap(const std::shared_ptr<const ServedDatabase>&
     const uint64_t tile = number.value_or(0) / kTileSize;
     if (!number || !(space->ready(tile) || space->looked_up(tile))) continue;
     const State in_map = space->state(*number);
-    const State expected = by_images.Check(*number).state();
-    if (in_map == State::kUnknown || expected == State::kUnknown) continue;
-    if (in_map != expected) return Differs(*number, in_map, expected);
+    if (in_map == State::kUnknown) continue;
+    const Verdict expected = by_images.Check(*number);
+    // They could be read when the database was loaded.
+    if (expected.reason() == Reason::kRobotImageCorrupt) {
+      return absl::DataLossError(absl::StrCat("configuration ", *number, " is ", NameOf(in_map),
+                                              " in the map, and its robot images can no longer be "
+                                              "read"));
+    }
+    if (expected.state() == State::kUnknown) continue;
+    if (in_map != expected.state()) return Differs(*number, in_map, expected.state());
     ++compared_;
   }
   return absl::OkStatus();

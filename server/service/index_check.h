@@ -57,7 +57,7 @@ class IndexCheck {
   // DataLoss: a tile has changed.
   absl::Status CheckTiles(absl::Duration passed);
   // DataLoss: the map of the newest scene of this database, under the default policy, is not that
-  // of its masks.
+  // of its masks, or knows a configuration whose masks can no longer be read.
   absl::Status CompareMap(const std::shared_ptr<const ServedDatabase>& whole);
 
   const ServingSettings& settings_;

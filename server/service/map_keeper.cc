@@ -6,8 +6,6 @@
 #include <chrono>
 #include <exception>
 #include <memory>
-#include <stdexcept>
-#include <string>
 
 #include "server/scene/checker.h"
 
@@ -58,9 +56,7 @@ void MapKeeper::Run(const std::stop_token& stop) {
 
 void MapKeeper::WorkOut(uint64_t version, const std::stop_token& stop) {
   const Moment now = settings_.clock();
-  const absl::StatusOr<Served> found = WithVariant(scenes_.Newest(now), /*name=*/"");
-  if (!found.ok()) throw std::runtime_error(std::string(found.status().message()));
-  const Served& served = *found;
+  const Served served = WithVariant(scenes_.Newest(now), /*name=*/"").value();
   const Policy policy = DefaultPolicy(settings_, *served.database);
   // Without an index, a map of drawn images is all drawing: it is worked out for those who ask.
   if (DrawsMaps(*served.database) ||

@@ -40,7 +40,6 @@ absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message
 // Per view of the database: where the region lies.
 absl::StatusOr<std::vector<std::optional<Mask>>> RegionPixelsFrom(
     const v1::AllowRegionRequest& message, const ServedDatabase& database);
-// Infinite for what is beyond any region's life.
 absl::Duration DurationFrom(const google::protobuf::Duration& message);
 
 // Into messages (messages.cc).

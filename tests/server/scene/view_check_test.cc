@@ -79,6 +79,19 @@ TEST_F(ViewCheckTest, MasksAloneAreCheckedForForegroundAndRobot) {
   EXPECT_THAT(Check({.name = "top"}), IsEmpty());
 }
 
+TEST_F(ViewCheckTest, RobotElsewhereIsFoundByTheOnlyCameraBesideASensor) {
+  foreground = Columns(12, 16);
+  const ViewToCheck camera{.name = "top", .foreground = &foreground, .robot = &robot};
+  const ViewToCheck sensor{.name = "left", .robot = &robot};
+  const std::vector<std::vector<ViewToCheck>> scenes = {{camera}, {sensor, camera}};
+  for (const std::vector<ViewToCheck>& views : scenes) {
+    const std::vector<SceneDefect> defects = CheckViews(views, kCheckedNames, settings);
+    ASSERT_EQ(defects.size(), 1u);
+    EXPECT_EQ(defects[0].reason, Reason::kRobotElsewhere);
+    EXPECT_THAT(defects[0].message, HasSubstr("view 'top' "));
+  }
+}
+
 TEST_F(ViewCheckTest, BaseOfTheRobotIsNoProofOfItsPlace) {
   robot = {Columns(10, 40), Columns(10, 40)};
   foreground = Columns(10, 39);

@@ -142,7 +142,7 @@ TEST_F(DrawnServiceTest, MapInTheClientFreesNothingOffTheGrid) {
                                    {.policy = {.min_views = 1, .off_grid = off_grid},
                                     .max_age = absl::Minutes(5),
                                     .obstacles = false});
-    // The second or third snapshot has the rule.
+    // The first snapshots have no map.
     const Configuration on = database->grid().At(GridIndex{1, 0});
     uint64_t number = 0;
     for (int i = 0; i < 4; ++i) {

@@ -17,6 +17,8 @@
 namespace silhouette {
 namespace {
 
+using ::testing::HasSubstr;
+
 class IndexCheckTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -46,11 +48,13 @@ class IndexCheckTest : public ::testing::Test {
     return BlockedReason(scenes->Newest(now), settings.scene, now);
   }
 
-  // Of the map, of a configuration that the block is in the way of.
-  State OfTheBlock() {
+  // Of the map, of configuration (a, 0).
+  State InMap(int a) {
     return spaces.Get(*WithVariant(scenes->Newest(clock.clock()()), ""), {})
-        ->state(database->grid().NumberOf({3, 0}));
+        ->state(database->grid().NumberOf({a, 0}));
   }
+  // Of one that the block is in the way of.
+  State OfTheBlock() { return InMap(3); }
 
   const std::string path = FreshFolder() / "db";
   LoadSettings load;
@@ -137,15 +141,28 @@ TEST_F(IndexCheckTest, MapThatDiffersFromTheRobotImagesMakesAllUnknown) {
   EXPECT_EQ(Blocked(), Reason::kDatabaseDamaged);
 }
 
-TEST_F(IndexCheckTest, RobotImageThatCannotBeReadIsNoDifference) {
+// Of configuration (0, 0), the first of its tile, which random samples often are.
+TEST_F(IndexCheckTest, RobotImageThatCanNoLongerBeReadMakesAllUnknown) {
   load.robot_image_memory = 0;
   Serve();
-  DamageRecord(path, TestRobotImage(database->grid(), 3, 0));
+  Publish(SceneWithBlock(3, 3, 4, 7));
+  DamageRecord(path, TestRobotImage(database->grid(), 0, 0));
+  EXPECT_EQ(InMap(0), State::kFree) << "what this is about";
+  for (int i = 0; i < 20 && Blocked() == Reason::kNone; ++i) check->Look(absl::Milliseconds(50));
+  EXPECT_EQ(Blocked(), Reason::kDatabaseDamaged);
+  EXPECT_THAT(database->damage().what(), HasSubstr("can no longer be read"));
+}
+
+TEST_F(IndexCheckTest, RobotImageThatCouldNotBeReadAtTheStartIsNoDifference) {
+  load.robot_image_memory = 0;
+  DamageRecord(path, TestRobotImage(*GridOf(ServerTestCell()), 0, 0));
+  Serve();
   for (int i = 0; i < 20; ++i) {
-    Publish();
+    Publish(SceneWithBlock(3, 3, 4, 7));
     check->Look(absl::Milliseconds(50));
     ASSERT_EQ(Blocked(), Reason::kNone);
   }
+  EXPECT_GT(check->counts().compared, 0u);
 }
 
 TEST_F(IndexCheckTest, ReadsNoMoreThanItsRate) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every case that must never yield free, asked over the API in every way that there is: single
-// checks, a path, the configuration space, an explanation.
+// Every case that must never yield free, asked over the API; where it makes all unknown, in every
+// way that there is: single checks, a path, the configuration space, an explanation, and the three
+// streams.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -8,6 +9,7 @@
 #include <stdexcept>
 
 #include "tests/server/service/test_server.h"
+#include "tests/server/service/watching.h"
 
 namespace silhouette {
 namespace {
@@ -59,6 +61,22 @@ struct NeverFree : ::testing::Test {
     EXPECT_EQ(space[0].unknown_reason(), reason);
     EXPECT_EQ(space[0].tiles_size(), 0);
     EXPECT_EQ(space[0].grid().joints_size(), 2);
+    ExpectOnlyUnknownInStreams(reason);
+  }
+
+  void ExpectOnlyUnknownInStreams(v1::Verdict::Reason reason) {
+    Asking asking(server);
+    asking.Send(1, At(1, 0));
+    const v1::StreamChecksResponse asked = asking.Next();
+    ASSERT_EQ(asked.configurations().verdicts_size(), 1);
+    EXPECT_EQ(asked.configurations().verdicts(0).state(), v1::Verdict::STATE_UNKNOWN);
+    EXPECT_EQ(asked.configurations().verdicts(0).reason(), reason);
+    const v1::Verdict watched = PathWatching(server, {At(0, 0), At(1, 0)}).Next().check().verdict();
+    EXPECT_EQ(watched.state(), v1::Verdict::STATE_UNKNOWN);
+    EXPECT_EQ(watched.reason(), reason);
+    const SpaceUpdate space = SpaceWatching(server).Next();
+    EXPECT_EQ(space.first.unknown_reason(), reason);
+    EXPECT_EQ(space.tiles, 0u);
   }
 
   void ExpectDefect(const v1::Scene& scene, v1::Verdict::Reason reason) {
@@ -304,11 +322,6 @@ TEST_F(NeverFree, PathThatPassesAnUnusableConfiguration) {
   const v1::CheckPathResponse path = server.Path({At(1, 7), At(3, 7)});
   EXPECT_EQ(path.verdict().reason(), v1::Verdict::REASON_ROBOT_IMAGE_CORRUPT);
   EXPECT_LT(path.fraction(), 0.5);
-}
-
-TEST_F(NeverFree, EmptyReplyOfAServerThatSaidNothing) {
-  EXPECT_EQ(v1::Verdict().state(), v1::Verdict::STATE_UNSPECIFIED);
-  EXPECT_NE(v1::Verdict::STATE_UNSPECIFIED, v1::Verdict::STATE_FREE);
 }
 
 TEST(NeverFreeLate, SceneThatBecomesTooOldWhileTheAnswerIsMade) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Watchers that do not read, or not as quickly as scenes come. Not under the thread sanitizer,
-// which takes minutes over megabytes that gRPC's uninstrumented threads hand to each other.
+// Watchers of a large space: of some of its tiles, and those that do not read, or not as quickly as
+// scenes come. Not under the thread sanitizer, which takes minutes over megabytes that gRPC's
+// uninstrumented threads hand to each other.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -46,6 +47,20 @@ std::shared_ptr<const ServedDatabase> LargeDatabase() {
 SceneInput InLargeDatabase(const ConfigurationGrid& grid, SceneInput input) {
   input.joints = JointsAt(grid.At(grid.NumberOf({1, 1})));
   return input;
+}
+
+TEST(WatchTiles, OnlyThoseAskedForAreSent) {
+  const auto database = LargeDatabase();
+  TestServer server(database);
+  server.Publish(InLargeDatabase(database->grid(), EmptyCellScene()));
+  v1::WatchConfigurationSpaceRequest request;
+  request.add_tiles(1000);
+  request.add_tiles(7);
+  SpaceWatching watching(server, request);
+  EXPECT_EQ(watching.Next().tiles, 2u);
+  server.Publish(InLargeDatabase(database->grid(), SceneWithBlock(3)));
+  EXPECT_EQ(watching.Next().tiles, 2u);
+  EXPECT_THAT(watching.free(), ::testing::ElementsAre(::testing::Key(7u), ::testing::Key(1000u)));
 }
 
 TEST(WatchBackPressure, SlowReaderSkipsToTheNewestSceneAndHoldsBackNobody) {

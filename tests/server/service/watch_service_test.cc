@@ -151,7 +151,7 @@ TEST_F(WatchServiceTest, AnotherDatabaseIsToldWhole) {
   EXPECT_EQ(watching.free(), FreeNow());
 }
 
-TEST_F(WatchServiceTest, OnlyTheTilesAskedForAreSent) {
+TEST_F(WatchServiceTest, TileThatTheGridDoesNotHaveEndsTheCall) {
   server.Publish(SceneWithBlock(3));
   v1::WatchConfigurationSpaceRequest request;
   request.add_tiles(7);
@@ -227,6 +227,14 @@ struct ConcludeTest : testing::Test {
     return settings;
   }
 
+  // The only one.
+  static void ExpectDefect(const v1::Basis& basis, v1::Verdict::Reason reason,
+                           const std::string& message) {
+    ASSERT_EQ(basis.defects_size(), 1);
+    EXPECT_EQ(basis.defects(0).reason(), reason);
+    EXPECT_THAT(basis.defects(0).message(), HasSubstr(message));
+  }
+
   const std::shared_ptr<const ServedDatabase> database = NewDatabase();
   TestClock clock;
   Serving serving{database, Settings()};
@@ -239,6 +247,7 @@ TEST_F(ConcludeTest, DatabaseReplacedWhileAnAnswerIsMadeTakesItBack) {
   serving.scenes.ReplaceDatabase(NewDatabase());
   EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kGenerationMismatch);
   EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
+  ExpectDefect(basis, v1::Verdict::REASON_GENERATION_MISMATCH, "the database was replaced");
 }
 
 TEST_F(ConcludeTest, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
@@ -253,6 +262,20 @@ TEST_F(ConcludeTest, RegionRevokedWhileAnAnswerIsMadeTakesItBack) {
   ASSERT_TRUE(serving.scenes.Revoke("part", now));
   EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kRegionEnded);
   EXPECT_EQ(DurationFrom(basis.valid_for()), absl::ZeroDuration());
+  ExpectDefect(basis, v1::Verdict::REASON_REGION_ENDED, "revoked");
+}
+
+TEST_F(ConcludeTest, VariantThatChangesWhileAnAnswerIsMadeTakesItBack) {
+  const Served served = serving.scenes.Newest(clock.clock()());
+  serving.scenes.Withdraw("the robot's variant is changing", clock.clock()());
+  v1::Basis basis;
+  EXPECT_EQ(Conclude(serving, served, {}, &basis), Reason::kVariantUnknown);
+  ExpectDefect(basis, v1::Verdict::REASON_VARIANT_UNKNOWN, "variant changed");
+  // A scene that shows it says so itself.
+  v1::Basis of_next;
+  EXPECT_EQ(Conclude(serving, serving.scenes.Newest(clock.clock()()), {}, &of_next),
+            Reason::kVariantUnknown);
+  ExpectDefect(of_next, v1::Verdict::REASON_VARIANT_UNKNOWN, "is changing");
 }
 
 }  // namespace
