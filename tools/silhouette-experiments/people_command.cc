@@ -36,6 +36,7 @@ struct PeopleArguments {
   std::string video;
   std::vector<std::string> methods;
   int episodes = 20;
+  double rate = 20;
   double least_obstacle = 0.16;
   EpisodeSettings episode;
 };
@@ -60,7 +61,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> ServePeople(
   cell_experiment::ServeSettings settings;
   if (drawn) settings.drawn = PartSettings();
   if (!workplace.cell().sound) settings.least_obstacle = arguments.least_obstacle;
-  const SpeedRule rule = DefaultRule(ReachOf(workplace));
+  const SpeedRule rule = DefaultRule(ReachOf(workplace), arguments.rate);
   const double around = rule.reach + rule.ProtectiveDistances().back();
   const double floor = workplace.simulation().settings().room.lower.z();
   settings.separation = SeparationCell{
@@ -97,7 +98,7 @@ absl::StatusOr<std::unique_ptr<Video>> OpenVideo(const PeopleArguments& argument
   if (!arguments.out.empty()) {
     return absl::InvalidArgumentError("--video keeps no results; leave --out out");
   }
-  ASSIGN_OR_RETURN(Video video, Video::Open(arguments.video, views, kVideoRate));
+  ASSIGN_OR_RETURN(Video video, Video::Open(arguments.video, views, arguments.rate));
   return std::make_unique<Video>(std::move(video));
 }
 
@@ -118,10 +119,11 @@ absl::StatusOr<std::string> BasisOf(const SimulatedWorkplace& workplace,
   ASSIGN_OR_RETURN(const std::string simulation, ReadWholeFile(cell.simulation));
   files += simulation;
   files += DigestOf(stage.robot());
-  return absl::StrFormat("%s %s %d, least obstacle %.17g m, cell files %016x", cell.name,
-                         arguments.images, stage.database()->generation(),
-                         cell.sound ? cell.sound->least_obstacle : arguments.least_obstacle,
-                         XXH3_64bits(files.data(), files.size()));
+  return absl::StrFormat(
+      "%s %s %d, least obstacle %.17g m, %.17g images a second, cell files %016x", cell.name,
+      arguments.images, stage.database()->generation(),
+      cell.sound ? cell.sound->least_obstacle : arguments.least_obstacle, arguments.rate,
+      XXH3_64bits(files.data(), files.size()));
 }
 
 absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
@@ -132,7 +134,7 @@ absl::StatusOr<ExitCode> RunPeople(const PeopleArguments& arguments) {
   ASSIGN_OR_RETURN(const auto video, OpenVideo(arguments, workplace.cell().views.size()));
   ASSIGN_OR_RETURN(const auto database, ServePeople(workplace, arguments));
   ASSIGN_OR_RETURN(const auto methods, MethodsOf(arguments.methods, *database));
-  ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database));
+  ASSIGN_OR_RETURN(const Stage stage, Stage::Make(workplace, database, arguments.rate));
   ASSIGN_OR_RETURN(const std::string basis, BasisOf(workplace, arguments, stage));
   Study study{.episode = arguments.episode,
               .episodes = arguments.episodes,
@@ -200,6 +202,11 @@ void AddPeopleCommand(CLI::App& program, Run& run) {
       ->add_option("--episodes", arguments->episodes,
                    "How many; with --out, those that are there already count")
       ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  command
+      ->add_option("--rate", arguments->rate,
+                   "Images of each camera a second, and decisions that rest on them")
+      ->check(CLI::Range(1.0, 100.0))
       ->capture_default_str();
   command->add_option("--seconds", arguments->episode.seconds, "Of an episode")
       ->check(CLI::Range(1.0, 3600.0))

@@ -35,7 +35,7 @@ TEST_F(PeopleProgram, FilmsARenderedEpisode) {
       << ReadText(files_ / "e");
   EXPECT_GT(std::filesystem::file_size(video), 10'000u);
   const auto method = nlohmann::json::parse(ReadText(files_ / "o"))["methods"][0];
-  EXPECT_EQ(method["scenes"], 20);
+  EXPECT_EQ(method["scenes"], 40) << "20 a second";
   EXPECT_EQ(method["unusable_scenes"], 0);
 }
 

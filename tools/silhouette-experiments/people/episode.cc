@@ -15,11 +15,11 @@
 namespace silhouette::people_experiment {
 namespace {
 
-// Seconds: of truth, two of them a decision; of picking or placing; between two plans.
-constexpr double kTick = 0.05;
+// Of truth.
 constexpr int kTicksOfDecision = 2;
-static_assert(kVideoRate * kTick * kTicksOfDecision == 1, "a picture a decision");
+// Of picking or placing, seconds.
 constexpr double kDwell = 0.5;
+// Between two plans.
 constexpr int kDecisionsOfPlan = 3;
 // Where the stations are, as shares of the joints' ranges.
 constexpr double kFirstStation = 0.25;
@@ -61,7 +61,8 @@ class Episode {
         robot_(
             stage.stations().front(),
             [this](auto from, auto to) { return FastestMovement(stage_.robot(), from, to); },
-            stage.rule().acceleration) {
+            stage.rule().acceleration),
+        tick_(stage.rule().period / kTicksOfDecision) {
     if (!settings.rendered || (!method.policy() && video == nullptr)) return;
     rendered_.emplace(stage.workplace(), stage.database(), people_.size(),
                       StreamOf(settings.seed, static_cast<uint64_t>(episode), 3));
@@ -70,9 +71,9 @@ class Episode {
   absl::StatusOr<Counts> Run(const Stop& stop) {
     const double began = ThreadSeconds();
     counts_.episodes = 1;
-    const auto ticks = static_cast<int64_t>(std::round(settings_.seconds / kTick));
+    const auto ticks = static_cast<int64_t>(std::round(settings_.seconds / tick_));
     for (int64_t tick = 0; tick < ticks; ++tick) {
-      now_ = kTick * static_cast<double>(tick);
+      now_ = tick_ * static_cast<double>(tick);
       truth_.Set(people_, times_);
       if (tick % kTicksOfDecision == 0) {
         if (Stopped(stop)) return absl::CancelledError("stopped; the same command goes on");
@@ -189,7 +190,7 @@ class Episode {
   // Robot and people, until the next tick.
   void Move() {
     const bool moved = !robot_.stands();
-    robot_.Advance(kTick, decision_.speed);
+    robot_.Advance(tick_, decision_.speed);
     if (now_ >= dwells_until_ && robot_.stands() && AtGoal()) {
       counts_.cycles += 0.5;
       goal_ = (goal_ + 1) % stage_.stations().size();
@@ -199,21 +200,21 @@ class Episode {
       ++counts_.stops;
     }
     for (size_t i = 0; i < people_.size(); ++i) {
-      if (!settings_.people_stop || MayStep(i)) times_[i] += kTick;
+      if (!settings_.people_stop || MayStep(i)) times_[i] += tick_;
     }
   }
 
   bool MayStep(size_t person) {
     Truth then(stage_.workplace(), stage_.robot(), 0);
-    const std::vector<double> next = {times_[person] + kTick};
+    const std::vector<double> next = {times_[person] + tick_};
     then.Set({&people_[person], 1}, next);
     return then.AtLeast(robot_.at()) > kPeopleStop;
   }
 
   void Count() {
-    counts_.seconds += kTick;
+    counts_.seconds += tick_;
     const Situation now = Now(nullptr);
-    if (now.inside_fence) counts_.people_seconds += kTick;
+    if (now.inside_fence) counts_.people_seconds += tick_;
     const bool moving = !robot_.stands();
     const bool touches = truth_.Touches(robot_.at());
     if (touches && !touches_) {
@@ -224,20 +225,20 @@ class Episode {
     touches_ = touches;
     if (!moving) {
       NoteReaction();
-      if (now_ >= dwells_until_) counts_.standing += kTick;
+      if (now_ >= dwells_until_) counts_.standing += tick_;
       return;
     }
-    counts_.moving += kTick;
+    counts_.moving += tick_;
     const double distance = truth_.Distance(robot_.at(), kFarthest);
     const auto bin = static_cast<size_t>(distance / Counts::kBin);
-    counts_.distances[std::min(bin, Counts::kBins - 1)] += kTick;
+    counts_.distances[std::min(bin, Counts::kBins - 1)] += tick_;
     counts_.least_over_stopping =
         std::min(counts_.least_over_stopping, distance - robot_.StoppingDistance());
-    if (decision_.leaves) counts_.leaving += kTick;
+    if (decision_.leaves) counts_.leaving += tick_;
     const bool too_fast = !decision_.leaves && decision_.speed > method_.AllowedInTruth(now);
     if (too_fast) {
-      counts_.too_fast += kTick;
-      reaction_ += kTick;
+      counts_.too_fast += tick_;
+      reaction_ += tick_;
     } else {
       NoteReaction();
     }
@@ -277,6 +278,7 @@ class Episode {
   Sight sight_;  // the newest of rendered_
   Chance chance_;
   PathFollower robot_;
+  const double tick_;  // seconds
   Counts counts_;
   double now_ = 0;
   SharedScene seen_;  // for the next decision
@@ -345,9 +347,10 @@ JointSpace Stage::joint_space() const {
 }
 
 absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,
-                                  std::shared_ptr<const ServedDatabase> database) {
+                                  std::shared_ptr<const ServedDatabase> database, double rate) {
   ASSIGN_OR_RETURN(DrawnRobot robot, TrueRobot(workplace, database->robot_images().mask_sizes()));
-  return Stage(workplace, std::move(database), std::move(robot), DefaultRule(ReachOf(workplace)));
+  return Stage(workplace, std::move(database), std::move(robot),
+               DefaultRule(ReachOf(workplace), rate));
 }
 
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,

@@ -29,9 +29,9 @@ inline constexpr double kPeopleStop = 0.15;  // metres
 // What episodes share. Used by any number of threads.
 class Stage {
  public:
-  // Metres; radius about the base, beyond which the robot does not reach.
+  // Under the DefaultRule of `rate`.
   static absl::StatusOr<Stage> Make(const SimulatedWorkplace& workplace,
-                                    std::shared_ptr<const ServedDatabase> database);
+                                    std::shared_ptr<const ServedDatabase> database, double rate);
 
   const SimulatedWorkplace& workplace() const { return *workplace_; }
   const std::shared_ptr<const ServedDatabase>& database() const { return database_; }
@@ -56,12 +56,10 @@ class Stage {
 double ReachOf(const SimulatedWorkplace& workplace);
 
 // The same arguments give the same result, but for processor_seconds. `video`: gets what the
-// cameras see in a rendered episode; null: none. Cancelled: `stop`, asked at every decision, says
-// so. Errors of MakeScene and RenderedCell::Look.
+// cameras see in a rendered episode, a picture a decision; null: none. Cancelled: `stop`, asked at
+// every decision, says so. Errors of MakeScene and RenderedCell::Look.
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,
                                   const std::string& method, const Stop& stop = nullptr,
                                   Video* video = nullptr);
-// Pictures of a video that is as fast as the episode.
-inline constexpr double kVideoRate = 10;
 
 }  // namespace silhouette::people_experiment

@@ -28,8 +28,11 @@ constexpr double kGain = 0.03;
 constexpr double kSameDistance = 0.02;
 // Who is nearer in truth may be touched by a robot that turns away, metres.
 constexpr double kTrueLeaveFrom = 0.05;
-// How fast somebody comes nearer is judged by this many decisions.
-constexpr size_t kDecisionsOfApproach = 3;
+// How fast somebody comes nearer is judged by distances of the last while, from one to another that
+// is at least so much later: steps of single voxels are no approach. Seconds.
+constexpr double kApproachPast = 0.2;
+constexpr double kApproachStep = 0.1;
+constexpr double kSameTime = 1e-6;
 
 // Between places on a path at which the truth is looked at, metres.
 constexpr double kTrueStep = 0.05;
@@ -210,17 +213,21 @@ class SpeedLevels : public Method {
   void Note(double time, double distance) {
     if (!noted_.empty() && noted_.back().time == time) noted_.pop_back();
     noted_.push_back({time, distance});
-    if (noted_.size() > kDecisionsOfApproach) noted_.erase(noted_.begin());
+    while (noted_.size() > 2 && noted_.front().time < time - kApproachPast - kSameTime) {
+      noted_.erase(noted_.begin());
+    }
   }
   // How far somebody comes until the robot stands, at the greatest speed of late; metres.
   double Approach() const {
     double fastest = 0;
-    for (size_t i = 1; i < noted_.size(); ++i) {
-      const double nearer = noted_[i - 1].distance - noted_[i].distance;
-      if (nearer > 0) fastest = std::max(fastest, nearer / (noted_[i].time - noted_[i - 1].time));
+    for (size_t i = 0; i < noted_.size(); ++i) {
+      for (size_t j = 0; j < i; ++j) {
+        const double past = noted_[i].time - noted_[j].time;
+        if (past < kApproachStep - kSameTime) continue;
+        fastest = std::max(fastest, (noted_[j].distance - noted_[i].distance) / past);
+      }
     }
-    return fastest *
-           (rule().latency + rule().period + rule().separation.levels.front().stopping_time);
+    return fastest * (2 * rule().period + rule().separation.levels.front().stopping_time);
   }
   bool LeadsAway(const Situation& now, const std::vector<Configuration>& way) const {
     if (way.size() < 2) return false;
@@ -316,13 +323,14 @@ class Silhouette : public SpeedLevels {
 std::vector<double> SpeedRule::ProtectiveDistances() const {
   std::vector<double> distances;
   for (const SpeedLevel& level : separation.levels) {
-    distances.push_back(ProtectiveDistance(separation, level, latency + period));
+    distances.push_back(ProtectiveDistance(separation, level, 2 * period));
   }
   return distances;
 }
 
-SpeedRule DefaultRule(double reach) {
+SpeedRule DefaultRule(double reach, double rate) {
   SpeedRule rule;
+  rule.period = 1 / rate;
   rule.reach = reach;
   rule.separation.reaction_time = 0;
   for (const auto& [name, speed] :

@@ -21,12 +21,12 @@ namespace silhouette::people_experiment {
 struct SpeedRule {
   SeparationSettings separation;
   double acceleration = 4;  // of the fastest point; all stopping is done with it
-  double period = 0.1;      // from decision to decision
-  double latency = 0.1;     // from images to the decision that rests on them
-  double reach = 0;         // of the robot: radius about its base
+  // From images to images. A decision is due with each, and rests on those before.
+  double period = 0;
+  double reach = 0;  // of the robot: radius about its base
 
   const SpeedLevel& fastest() const { return separation.levels.back(); }
-  // By level, slow ones first. A decision rests on images up to a latency and a period old.
+  // By level, slow ones first. Until the next decision, images become two periods old.
   std::vector<double> ProtectiveDistances() const;
   // Radius that a curtain guards: who walks in reaches the robot after it stands.
   double Fence() const {
@@ -38,8 +38,8 @@ struct SpeedRule {
   }
 };
 
-// Four levels up to 1.2 m/s.
-SpeedRule DefaultRule(double reach);
+// Four levels up to 1.2 m/s. `rate`: images, and decisions, a second.
+SpeedRule DefaultRule(double reach, double rate);
 
 // The cell at the moment of a decision.
 struct Situation {
