@@ -404,10 +404,4 @@ std::vector<Mask> CollisionChecker::ImagesOf(const TestRobot& robot) const {
   return images;
 }
 
-std::optional<Mask> CollisionChecker::TestRobotImage(int view, std::span<const double> q) const {
-  std::optional<std::vector<Mask>> images = TestRobotImages(q);
-  if (!images) return std::nullopt;
-  return std::move((*images)[static_cast<size_t>(view)]);
-}
-
 }  // namespace silhouette

@@ -91,8 +91,6 @@ class CollisionChecker {
   // `growth`: of a drawn robot.
   std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q,
                                                    Growth growth = {}) const;
-  // That of one view.
-  std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
  private:
   friend class SpaceChecker;

@@ -69,6 +69,8 @@ json ViewsJson(const Serving& serving, const Checker& checker,
   const Served& served = checker.served();
   const std::shared_ptr<const LiveImages> images =
       serving.settings.live == nullptr ? nullptr : serving.settings.live->images();
+  std::optional<std::vector<Mask>> robot;
+  if (present) robot = checker.TestRobotImages(*present);
   json views = json::object();
   for (int view = 0; view < served.database->views(); ++view) {
     const auto i = static_cast<size_t>(view);
@@ -80,7 +82,7 @@ json ViewsJson(const Serving& serving, const Checker& checker,
     }
     shown["region"] = MaskJson(region);
     if (served.scene == nullptr || !served.scene->views[i]) continue;
-    if (present) shown["robot"] = MaskJson(checker.TestRobotImage(view, *present));
+    if (robot) shown["robot"] = MaskJson((*robot)[i]);
     std::optional<Mask> allowed;
     for (const RegionEffect& effect : served.scene->region_effects) {
       if (!effect.taken[i]) continue;
@@ -219,12 +221,13 @@ json SpaceJson(Serving& serving, const Checker& checker, const SliceChoice& choi
 json WhyJson(const Checker& checker, std::span<const double> q) {
   if (checker.served().scene == nullptr) return nullptr;
   json views = json::object();
+  const std::optional<std::vector<Mask>> robot = checker.TestRobotImages(q);
   const CollisionImages collision = checker.CollisionImagesAt(q);
   const ServedDatabase& database = *checker.served().database;
-  for (int view = 0; view < database.views(); ++view) {
-    views[database.view_name(view)] = {
-        {"robot", MaskJson(checker.TestRobotImage(view, q))},
-        {"convicts", MaskJson(collision[static_cast<size_t>(view)])}};
+  for (size_t view = 0; view < collision.size(); ++view) {
+    json& shown = views[database.view_name(static_cast<int>(view))];
+    shown = {{"robot", nullptr}, {"convicts", MaskJson(collision[view])}};
+    if (robot) shown["robot"] = MaskJson((*robot)[view]);
   }
   return views;
 }

@@ -251,10 +251,6 @@ std::optional<std::vector<Mask>> Checker::TestRobotImages(std::span<const double
   return test_ ? test_->TestRobotImages(q) : std::nullopt;
 }
 
-std::optional<Mask> Checker::TestRobotImage(int view, std::span<const double> q) const {
-  return test_ ? test_->TestRobotImage(view, q) : std::nullopt;
-}
-
 CollisionImages Checker::PossibleImagesAt(std::span<const double> q) const {
   CollisionImages images(static_cast<size_t>(served_.database->views()));
   const std::optional<std::vector<Mask>> robot = TestRobotImages(q);

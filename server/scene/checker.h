@@ -61,8 +61,6 @@ class Checker {
   // The test robot images of `q`, one per view; nothing if there is no scene, or a robot image that
   // they take is not there.
   std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q) const;
-  // That of one view.
-  std::optional<Mask> TestRobotImage(int view, std::span<const double> q) const;
 
   // The collision images of `q`: which pixels show an obstacle under the policy; under the sound
   // presets, what may hold one, wherever in space it meets the robot image. Nothing where the

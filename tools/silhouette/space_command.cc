@@ -2,6 +2,7 @@
 // silhouette space
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -33,17 +34,20 @@ absl::Status SpaceWritePicture(const Session& session, const Client& client,
   return WritePng(path, Draw(chart));
 }
 
-// Why the first unknown configuration is unknown, as the server says.
-absl::StatusOr<client::Verdict> FirstUnknown(const Client& client,
-                                             const client::ConfigurationSpace& space,
-                                             const client::Policy& policy) {
+// Why the first unknown configuration is unknown; nothing: the server knows it by now, or none is.
+absl::StatusOr<std::optional<client::Reason>> WhyUnknown(const Client& client,
+                                                         const client::ConfigurationSpace& space,
+                                                         const client::Policy& policy) {
+  if (space.unknown_reason() || space.Count().unknown == 0) return space.unknown_reason();
   ConfigurationNumber number = 0;
   while (!space.grid().Contains(number) || space.StateAt(number) != client::State::kUnknown) {
     ++number;
   }
   ASSIGN_OR_RETURN(const auto checks,
                    client.CheckConfigurations({space.grid().At(number)}, policy));
-  return checks.verdicts[0];
+  const client::Verdict& verdict = checks.verdicts[0];
+  if (verdict.state != client::State::kUnknown) return std::nullopt;
+  return verdict.reason;
 }
 
 Json JsonOfLevels(const client::ConfigurationSpace& space) {
@@ -89,17 +93,14 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
 
   const client::StateCounts counts = space->Count();
   const uint64_t all = space->grid().size();
-  absl::StatusOr<client::Verdict> unknown = client::Verdict();
-  if (counts.unknown > 0) unknown = FirstUnknown(client, *space, policy);
-  if (!unknown.ok()) return unknown.status();
-  const bool told = counts.unknown > 0 && unknown->state == client::State::kUnknown;
+  ASSIGN_OR_RETURN(const auto unknown, WhyUnknown(client, *space, policy));
   Json json = JsonOf(space->basis());
   json.update({{"configurations", all},
                {"free", counts.free},
                {"occupied", counts.occupied},
                {"unknown", counts.unknown},
                {"tiles_left_out", space->tiles_left_out()},
-               {"unknown_reason", told ? Json(NameOf(unknown->reason)) : Json()},
+               {"unknown_reason", unknown ? Json(NameOf(*unknown)) : Json()},
                {"space_ms", taken.count()}});
   if (!arguments.clearance_levels.empty()) json["clearance_levels"] = JsonOfLevels(*space);
   std::string text = absl::StrFormat(
@@ -113,9 +114,8 @@ absl::StatusOr<ExitCode> FetchSpace(const Session& session, const SpaceArguments
         "unknown, as the time was over: what is in %d of %d tiles; ask again for more of them\n",
         space->tiles_left_out(), space->grid().tiles());
   }
-  if (told) {
-    absl::StrAppend(&text, "unknown, the first of them: ", Spoken(unknown->reason, space->basis()),
-                    "\n");
+  if (unknown) {
+    absl::StrAppend(&text, "unknown, the first of them: ", Spoken(*unknown, space->basis()), "\n");
   }
   absl::StrAppend(&text, Spoken(space->basis()),
                   absl::StrFormat("; fetched in %.1f ms\n", taken.count()));

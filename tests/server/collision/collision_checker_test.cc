@@ -135,7 +135,7 @@ TEST_F(OffGridTest, CellIsTheUnionOfTheCornersPerView) {
                             Intersects(table.image(view, corner), images[view]->obstacle().words());
         }
         showing += hit_at_a_corner;
-        EXPECT_EQ(test.TestRobotImage(view, q), robot);
+        EXPECT_EQ((*test.TestRobotImages(q))[static_cast<size_t>(view)], robot);
         EXPECT_EQ(evidence[view].obstacle_pixels, (images[view]->obstacle() & robot).Count());
         EXPECT_EQ(evidence[view].unknown_pixels, (images[view]->unknown() & robot).Count());
         EXPECT_EQ(evidence[view].error_pixels, (images[view]->error() & robot).Count());
@@ -155,7 +155,7 @@ TEST_F(OffGridTest, NearestIsTheNearestGridPoint) {
   for (int round = 0; round < 200; ++round) {
     const Configuration q = {a(random), b(random)};
     EXPECT_EQ(test.Check(q), test.Check(*grid.Nearest(q)));
-    EXPECT_EQ(test.TestRobotImage(1, q), (*table.Images(*grid.Nearest(q)))[1]);
+    EXPECT_EQ((*test.TestRobotImages(q))[1], (*table.Images(*grid.Nearest(q)))[1]);
   }
 }
 
@@ -172,7 +172,7 @@ TEST(CollisionChecker, ConfigurationOutsideTheGridIsNeverFree) {
     for (const Configuration& q : std::vector<Configuration>{
              {1.01, 0}, {-1.01, 0}, {nan, 0}, {0, nan}, {0}, {0, 0, 0}, {}}) {
       EXPECT_EQ(test.Check(q), Verdict::Unknown(Reason::kOutsideGrid));
-      EXPECT_EQ(test.TestRobotImage(0, q), std::nullopt);
+      EXPECT_EQ(test.TestRobotImages(q), std::nullopt);
     }
     EXPECT_EQ(test.Check(grid.number_limit()), Verdict::Unknown(Reason::kOutsideGrid));
     EXPECT_EQ(test.Check(kTileSize - 1), Verdict::Unknown(Reason::kOutsideGrid)) << "absent place";

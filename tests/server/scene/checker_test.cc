@@ -64,7 +64,7 @@ TEST_F(CheckerTest, GoodSceneGivesFreeAndOccupied) {
 TEST_F(CheckerTest, NoSceneYetIsNeverFree) {
   const Checker checker({database, nullptr, Reason::kNoScene}, {}, settings, kCheckerNow);
   ExpectNothingFree(checker, Reason::kNoScene);
-  EXPECT_EQ(checker.TestRobotImage(0, At(0, 0)), std::nullopt);
+  EXPECT_EQ(checker.TestRobotImages(At(0, 0)), std::nullopt);
 }
 
 TEST_F(CheckerTest, SceneOlderThanMaxAgeIsNeverFree) {

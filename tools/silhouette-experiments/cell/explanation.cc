@@ -166,10 +166,7 @@ std::vector<Explanation> Explainer::Explain(const ViewedScene& viewed,
   const std::vector<ContactPoint> points = contact.Points(links, obstacles, kMostPlaces);
   robot_.Place(setting_.workplace.LinkPoses(viewed.truth.robot));
   const CollisionChecker test(setting_.database.robot_images(), viewed.scene.obstacle_images, {});
-  std::vector<Mask> test_images;
-  for (int view = 0; view < setting_.database.views(); ++view) {
-    test_images.push_back(*test.TestRobotImage(view, missed.configuration));
-  }
+  const std::vector<Mask> test_images = *test.TestRobotImages(missed.configuration);
   std::vector<Place> places;
   for (const ContactPoint& point : points) places.push_back(At(viewed, test_images, point.point));
 

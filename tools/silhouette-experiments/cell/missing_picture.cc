@@ -206,11 +206,12 @@ Picture Draw(const TrialSetting& setting, const ViewedScene& viewed,
              const ExplainedConfiguration& missing) {
   const CollisionChecker test(setting.database.robot_images(), viewed.scene.obstacle_images, {});
   const std::vector<CameraModel> cameras = setting.workplace.TrueCalibration().cameras;
+  const std::vector<Mask> robot_images = *test.TestRobotImages(missing.missed.configuration);
   std::vector<CaptionedPicture> rows[3];
   for (size_t view = 0; view < viewed.images.size(); ++view) {
     const CameraImage& image = viewed.images[view];
     const cv::Size size(kWidth, kWidth * image.height / image.width);
-    const Mask robot = *test.TestRobotImage(static_cast<int>(view), missing.missed.configuration);
+    const Mask& robot = robot_images[view];
     const ObstacleImage& planes = *viewed.scene.obstacle_images[view];
     const Picture pictures[3] = {
         PictureOfPixels(image.width, image.height, image.channels, image.pixels),
