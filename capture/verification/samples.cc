@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <random>
 #include <string>
@@ -36,6 +37,38 @@ absl::StatusOr<size_t> PlaceOf(const std::string& name, const std::vector<std::s
                                                  "'; take one of this cell"));
 }
 
+// InvalidArgument: the joint of a cell goes where the captured one, at `place`, does not.
+absl::Status RequireRange(const storage::v1::GridJoint& joint, size_t place,
+                          const Database& captured, double fixed_joint_tolerance) {
+  const storage::v1::CellDescription& cell = captured.cell();
+  const auto moving = static_cast<size_t>(cell.grid_joints_size());
+  double lower = 0;
+  double upper = 0;
+  if (place >= moving) {
+    const double at = cell.fixed_joints(static_cast<int>(place - moving)).position();
+    lower = at - fixed_joint_tolerance;
+    upper = at + fixed_joint_tolerance;
+  } else {
+    const storage::v1::GridJoint& there = cell.grid_joints(static_cast<int>(place));
+    const bool in_the_middle = there.steps() == 1;
+    lower = in_the_middle ? std::midpoint(there.lower(), there.upper()) : there.lower();
+    upper = in_the_middle ? lower : there.upper();
+    const double step = in_the_middle ? 0 : (upper - lower) / (there.steps() - 1);
+    // The last value may be a step before the first, a turn on.
+    const bool whole_turn =
+        there.continuous() && upper - lower + step >= 2 * std::numbers::pi - kLimitTolerance;
+    if (whole_turn) return absl::OkStatus();
+  }
+  if (joint.lower() >= lower - kLimitTolerance && joint.upper() <= upper + kLimitTolerance) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "the joint '%s' moves from %g to %g, but in the captured database '%s' only from %g to %g: "
+      "capture all of its range, verify the model by driving the robot, or state the captured "
+      "range in the cell file",
+      joint.name(), joint.lower(), joint.upper(), captured.path(), lower, upper));
+}
+
 // Where the joints and views of a cell are in captured records.
 struct CapturedPlaces {
   std::vector<size_t> joints;
@@ -44,11 +77,13 @@ struct CapturedPlaces {
 };
 
 absl::StatusOr<CapturedPlaces> PlacesIn(const Database& captured,
-                                        const storage::v1::CellDescription& cell) {
+                                        const storage::v1::CellDescription& cell,
+                                        double fixed_joint_tolerance) {
   CapturedPlaces places;
   const std::vector<std::string> joints = JointsOf(captured.cell());
   for (const auto& joint : cell.grid_joints()) {
     ASSIGN_OR_RETURN(const size_t place, PlaceOf(joint.name(), joints, "joint", captured));
+    RETURN_IF_ERROR(RequireRange(joint, place, captured, fixed_joint_tolerance));
     places.joints.push_back(place);
   }
   for (const auto& joint : cell.fixed_joints()) {
@@ -78,7 +113,7 @@ absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
                                                    const storage::v1::CellDescription& cell,
                                                    size_t count, double fixed_joint_tolerance,
                                                    uint64_t seed) {
-  ASSIGN_OR_RETURN(const CapturedPlaces places, PlacesIn(captured, cell));
+  ASSIGN_OR_RETURN(const CapturedPlaces places, PlacesIn(captured, cell, fixed_joint_tolerance));
   ASSIGN_OR_RETURN(const Snapshot snapshot, captured.Read());
   ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
   const SuspectSpans suspects(history);

@@ -19,10 +19,10 @@ namespace silhouette {
 
 // `count` of a database's captured configurations, or as many as there are, by chance; none whose
 // robot image is suspect. The joints of `cell`, whose robot is drawn, are found by their names.
-// InvalidArgument, naming it: a joint or a view is not in the database, a view's masks have another
-// size, or a joint that is fixed in `cell` was captured farther from there than
-// `fixed_joint_tolerance`. FailedPrecondition: the database has no such configuration with its
-// measured joint values.
+// InvalidArgument, naming it: a joint or a view is not in the database, a joint moves farther in
+// `cell` than in the database's grid, a view's masks have another size, or a joint that is fixed in
+// `cell` was captured farther from there than `fixed_joint_tolerance`. FailedPrecondition: the
+// database has no such configuration with its measured joint values.
 absl::StatusOr<std::vector<ModelSample>> SamplesIn(const Database& captured,
                                                    const storage::v1::CellDescription& cell,
                                                    size_t count, double fixed_joint_tolerance,

@@ -28,7 +28,8 @@ std::string WiderRange(std::span<const ChainJoint> chain, std::span<const GridJo
     // All round, wherever the turn begins.
     const bool whole_turn = chain[i].continuous &&
                             range.upper() - range.lower() >= 2 * std::numbers::pi - kLimitTolerance;
-    const bool within = joint.lower >= range.lower() - kLimitTolerance &&
+    const bool within = joint.name == range.joint() &&
+                        joint.lower >= range.lower() - kLimitTolerance &&
                         joint.upper <= range.upper() + kLimitTolerance;
     if (whole_turn || within) continue;
     return absl::StrFormat(

@@ -71,23 +71,23 @@ absl::Status WriteInPlace(const std::string& path, std::string_view bytes) {
 
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
   std::error_code error;
-  const bool is_new = !std::filesystem::exists(path, error);
-  const auto there = std::filesystem::symlink_status(path, error);
+  const auto there = std::filesystem::status(path, error);
+  const bool is_new = there.type() == std::filesystem::file_type::not_found;
   const bool replaces = std::filesystem::is_regular_file(there) && access(path.c_str(), W_OK) == 0;
-  if (!replaces) {
-    const absl::Status status = WriteInPlace(path, bytes);
-    if (!status.ok() && is_new) std::filesystem::remove(path, error);
-    return status;
-  }
-  // What was there stays if the disk is full, and is whole at every moment.
-  const std::string beside = path + ".new";
+  const bool points_to_nothing = is_new && std::filesystem::is_symlink(path, error);
+  if (points_to_nothing || (!is_new && !replaces)) return WriteInPlace(path, bytes);
+  // What was there stays if the disk is full, and the file is whole at every moment; where a link
+  // points, if the path is one.
+  std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
+  if (error) target = path;
+  const std::string beside = target.string() + ".new";
   if (const absl::Status status = WriteInPlace(beside, bytes); !status.ok()) {
     std::filesystem::remove(beside, error);
-    const bool folder_is_closed = absl::IsFailedPrecondition(status);
-    return folder_is_closed ? WriteInPlace(path, bytes) : status;
+    const bool nothing_beside = absl::IsFailedPrecondition(status) || absl::IsNotFound(status);
+    return nothing_beside ? WriteInPlace(path, bytes) : status;
   }
-  std::filesystem::permissions(beside, there.permissions(), error);
-  std::filesystem::rename(beside, path, error);
+  if (replaces) std::filesystem::permissions(beside, there.permissions(), error);
+  std::filesystem::rename(beside, target, error);
   return error ? FileError(error.value(), path, "written") : absl::OkStatus();
 }
 

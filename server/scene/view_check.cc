@@ -103,7 +103,9 @@ void CheckRobot(std::span<const ViewToCheck> views, double most_missing,
   std::vector<std::string_view> names;
   for (const ViewToCheck& view : views) {
     if (view.foreground == nullptr || view.robot == nullptr) continue;
-    robot.push_back(RobotPixelsOf(view));
+    const RobotPixels pixels = RobotPixelsOf(view);
+    if (pixels.anywhere == 0) continue;
+    robot.push_back(pixels);
     names.push_back(view.name);
   }
   const bool nowhere = Nowhere(robot);

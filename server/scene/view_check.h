@@ -26,8 +26,8 @@ struct ViewToCheck {
 };
 
 // What is wrong with the views of a scene: each a defect with which no verdict is free. `names`: of
-// all views of the cell, for ImageCondition::other. Where a scene has several views that can tell
-// where the robot is, with foreground and robot, the one that misses most of it does not count:
+// all views of the cell, for ImageCondition::other. Views that can tell where the robot is have a
+// foreground, and pixels where it may be. Of several the one that misses most of it does not count:
 // what is as bright as the floor hides it in one.
 std::vector<SceneDefect> CheckViews(std::span<const ViewToCheck> views,
                                     std::span<const std::string> names,

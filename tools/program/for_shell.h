@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Commands that a program prints for the user to paste.
 #pragma once
 
 #include <string>

@@ -440,7 +440,9 @@ void AddOptions(CLI::App& command, RunArguments& a) {
   TakeLengths(command.add_option(
       "--floor", a.floor,
       "Height in the robot's base, metres, that the board and all links that joints raise or "
-      "lower\nstay above; default: the workspace's, else 0"));
+      "lower\nstay above; the board as a ball of half its diagonal about its link's origin; "
+      "default: "
+      "the\nworkspace's, else 0"));
   command.add_option(
       "--poses", a.poses,
       "Drive to these poses instead (CSV: a column per joint of the robot; radians)");
@@ -449,7 +451,8 @@ void AddOptions(CLI::App& command, RunArguments& a) {
                      "Standard deviation of the robot's poses, per axis; default: 0.2mm,0.02deg");
   command.add_flag(
       "--resume", a.resume,
-      "Go on with the session in the folder; with no more --frames than it has, solve only");
+      "Go on with the session in the folder; with no more --frames than it has, and without\n"
+      "--poses, solve only");
   command.add_flag("--draw", a.draw, "Pictures of the residuals too");
   AddFormatOption(command, a.format);
 }

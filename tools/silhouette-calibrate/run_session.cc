@@ -72,7 +72,8 @@ constexpr size_t kMostBeforeFirst = 20;
 constexpr absl::Duration kGuardPeriod = absl::Milliseconds(10);
 
 FloorCheck FloorOf(const Cell& cell, const RobotModel& robot, const SessionSettings& settings) {
-  // Half of the board's diagonal: however it is turned, it reaches no farther from its middle.
+  // Half of the board's diagonal: as far as it reaches, however it is turned, if its middle is at
+  // its link's origin.
   double reach = 0;
   for (const Board& board : settings.tags.boards) {
     if (board.description().name != settings.flange_board) continue;

@@ -76,7 +76,8 @@ absl::StatusOr<Given> GivenIn(const Database& database) {
   return given;
 }
 
-// By whose names and places calibration, reference images and verification are of a cell.
+// The names of joints and views, in order, on which calibration, reference images and verification
+// rest.
 storage::v1::CellDescription JointsAndViews(const storage::v1::CellDescription& cell) {
   storage::v1::CellDescription named;
   for (const storage::v1::GridJoint& joint : cell.grid_joints()) {

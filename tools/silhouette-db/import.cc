@@ -313,8 +313,7 @@ absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
   absl::string_view bare = header;
   absl::ConsumePrefix(&bare, "\xef\xbb\xbf");  // some programs begin a CSV with it
   const storage::v1::CellDescription description = DescriptionOf(cell);
-  ASSIGN_OR_RETURN(const TableReader table,
-                   TableReader::FromHeader(csv, {bare.data(), bare.size()}, cell));
+  ASSIGN_OR_RETURN(const TableReader table, TableReader::FromHeader(csv, bare, cell));
   ASSIGN_OR_RETURN(const auto references,
                    ImportReferences(fs::path(csv).parent_path().string(), description));
   const auto rows = file.tellg();

@@ -96,8 +96,15 @@ std::string VerificationText(const std::optional<storage::v1::ModelVerification>
     if (link.growth() == 0) continue;
     absl::StrAppendFormat(&growth, ", %s grown by %.1f cm", link.link(), 100 * link.growth());
   }
-  return absl::StrFormat("model verified  %s, by %d configurations%s\n",
-                         StampText(verification->time()), verification->configurations(), growth);
+  std::string ranges;
+  for (const storage::v1::VerifiedRange& range : verification->ranges()) {
+    absl::StrAppendFormat(&ranges, ", %s from %g to %g", range.joint(), range.lower(),
+                          range.upper());
+  }
+  if (ranges.empty()) ranges = ", without joint ranges, so it does not count";
+  return absl::StrFormat("model verified  %s, by %d configurations%s%s\n",
+                         StampText(verification->time()), verification->configurations(), ranges,
+                         growth);
 }
 
 Json VerificationJson(const std::optional<storage::v1::ModelVerification>& verification) {
@@ -105,10 +112,14 @@ Json VerificationJson(const std::optional<storage::v1::ModelVerification>& verif
   Json json = {{"time", StampText(verification->time())},
                {"digest", verification->digest()},
                {"configurations", verification->configurations()},
+               {"ranges", Json::object()},
                {"link_growth", Json::object()},
                {"held_out_masks", verification->held_out_masks()},
                {"held_out_missing", verification->held_out_missing()},
                {"additional", verification->additional()}};
+  for (const storage::v1::VerifiedRange& range : verification->ranges()) {
+    json["ranges"][range.joint()] = {range.lower(), range.upper()};
+  }
   for (const storage::v1::LinkGrowth& link : verification->link_growth()) {
     json["link_growth"][link.link()] = link.growth();
   }

@@ -34,7 +34,7 @@ absl::Status SpaceWritePicture(const Session& session, const Client& client,
   return WritePng(path, Draw(chart));
 }
 
-// Why the first unknown configuration is unknown; nothing: the server knows it by now, or none is.
+// Why the first unknown configuration is unknown; nothing if none is, or the server now knows it.
 absl::StatusOr<std::optional<client::Reason>> WhyUnknown(const Client& client,
                                                          const client::ConfigurationSpace& space,
                                                          const client::Policy& policy) {

@@ -77,6 +77,8 @@ TEST_F(SamplesTest, JointsAndViewsAreFoundByTheirNames) {
   // The drawn cell moves both joints.
   storage::v1::GridJoint& reach = *cell.add_grid_joints();
   reach.set_name("reach");
+  reach.set_lower(0.1);
+  reach.set_upper(0.1);
   cell.clear_fixed_joints();
   const auto samples = SamplesIn(*database, cell, 1, 0.005, 1);
   ASSERT_TRUE(samples.ok()) << samples.status();
@@ -103,6 +105,24 @@ TEST_F(SamplesTest, OfAnotherCellAreRefusedByName) {
   cell = CapturedCell();
   cell.mutable_views(1)->set_mask_width(16);
   EXPECT_THAT(refusal(), HasSubstr("of the view 'left'"));
+}
+
+// A model that was compared with a part of a joint's range is not known beyond.
+TEST_F(SamplesTest, OfNarrowerJointsAreRefused) {
+  const auto samples = [&] { return SamplesIn(*database, cell, 100, 0.005, 1).status(); };
+  storage::v1::GridJoint& joint = *cell.mutable_grid_joints(0);
+  const double upper = joint.upper();
+  joint.set_upper(upper - 1);
+  EXPECT_TRUE(samples().ok()) << samples();
+  joint.set_upper(upper + 0.1);
+  EXPECT_EQ(samples().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(samples().message(), HasSubstr("the joint 'turn' moves from 0 to 9.1"));
+  joint.set_upper(upper);
+  storage::v1::GridJoint& reach = *cell.add_grid_joints();
+  reach.set_name("reach");
+  reach.set_upper(0.5);
+  cell.clear_fixed_joints();
+  EXPECT_THAT(samples().message(), HasSubstr("the joint 'reach' moves from 0 to 0.5"));
 }
 
 TEST_F(SamplesTest, WhoseImagesAreSuspectAreLeftOut) {

@@ -79,11 +79,14 @@ TEST_F(ViewCheckTest, MasksAloneAreCheckedForForegroundAndRobot) {
   EXPECT_THAT(Check({.name = "top"}), IsEmpty());
 }
 
-TEST_F(ViewCheckTest, RobotElsewhereIsFoundByTheOnlyCameraBesideASensor) {
+TEST_F(ViewCheckTest, RobotElsewhereIsFoundByTheOnlyCameraThatCanSeeIt) {
   foreground = Columns(12, 16);
   const ViewToCheck camera{.name = "top", .foreground = &foreground, .robot = &robot};
   const ViewToCheck sensor{.name = "left", .robot = &robot};
-  const std::vector<std::vector<ViewToCheck>> scenes = {{camera}, {sensor, camera}};
+  const RobotCover outside{Mask(kCheckedSize), Mask(kCheckedSize)};
+  const ViewToCheck blind{.name = "left", .foreground = &foreground, .robot = &outside};
+  const std::vector<std::vector<ViewToCheck>> scenes = {
+      {camera}, {sensor, camera}, {blind, camera}};
   for (const std::vector<ViewToCheck>& views : scenes) {
     const std::vector<SceneDefect> defects = CheckViews(views, kCheckedNames, settings);
     ASSERT_EQ(defects.size(), 1u);

@@ -189,8 +189,9 @@ TEST_F(DrawProgram, VerificationIsNoneWhereAJointMovesFartherThanItWasVerified) 
   MakeBase();
   storage::v1::ModelVerification verification;
   verification.set_digest(nlohmann::json::parse(Draw().out)["digest"].get<std::string>());
-  for (const double degrees : {150, 120}) {
+  for (const auto& [joint, degrees] : {std::pair{"joint_1", 150}, {"joint_3", 120}}) {
     storage::v1::VerifiedRange& range = *verification.add_ranges();
+    range.set_joint(joint);
     range.set_lower(-degrees * std::numbers::pi / 180);
     range.set_upper(degrees * std::numbers::pi / 180);
   }

@@ -128,8 +128,8 @@ TEST_F(VerifyModelProgram, CapturedImagesOfAJointThatStoodStillDoNotVerifyItsAxi
   MakeDrawn();
   const Outcome outcome =
       Run("verify-model", "drawn.yaml", "drawn.lmdb", {"--captured", cell_ / "captured.lmdb"});
-  EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
-  EXPECT_THAT(outcome.err, HasSubstr("not verified: joint 'joint_4' moved through only 0.0 deg"));
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.out;
+  EXPECT_THAT(outcome.err, HasSubstr("the joint 'joint_4' moves from -4.7"));
   EXPECT_THAT(outcome.err, Not(HasSubstr("joint_1")));
   EXPECT_FALSE(IsVerified());
 }

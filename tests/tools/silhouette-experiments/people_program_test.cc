@@ -54,6 +54,7 @@ TEST_F(PeopleProgram, GoesOnOnlyWithResultsOfTheSameLeastObstacleRobotModelAndCe
   ASSERT_EQ(Run(study), 0) << ReadText(files_ / "e");
   EXPECT_EQ(Run(study), 0) << ReadText(files_ / "e");
   expect_refused(0.6);
+  EXPECT_EQ(Run(study + " --rate 10"), 2) << "another rate";
   WriteText(model,
             absl::StrReplaceAll(ReadText(source), {{"radius=\"0.065\"", "radius=\"0.075\""}}));
   expect_refused(0.5);

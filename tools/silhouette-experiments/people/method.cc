@@ -217,8 +217,12 @@ class SpeedLevels : public Method {
       noted_.erase(noted_.begin());
     }
   }
-  // How far somebody comes until the robot stands, at the greatest speed of late; metres.
+  // How far somebody comes until the robot stands, at the greatest speed of late; metres. Infinity:
+  // it is not known yet.
   double Approach() const {
+    if (noted_.empty() || noted_.back().time - noted_.front().time < kApproachStep - kSameTime) {
+      return kInfinity;
+    }
     double fastest = 0;
     for (size_t i = 0; i < noted_.size(); ++i) {
       for (size_t j = 0; j < i; ++j) {

@@ -22,7 +22,7 @@ struct SpeedRule {
   SeparationSettings separation;
   double acceleration = 4;  // of the fastest point; all stopping is done with it
   // From images to images. A decision is due with each, and rests on those before.
-  double period = 0;
+  double period = 0.05;
   double reach = 0;  // of the robot: radius about its base
 
   const SpeedLevel& fastest() const { return separation.levels.back(); }
