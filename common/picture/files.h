@@ -16,9 +16,10 @@ absl::StatusOr<std::string> ReadWholeFile(const std::string& path);
 // FailedPrecondition, naming it, of a pipe or device, which may never end.
 absl::Status RefusePipe(const std::string& path);
 
-// Overwrites, where a link points, too. Whoever reads it meanwhile finds all of the new file or of
-// the old one, which stays unless all is written; not if its folder takes no other file. Besides
-// the errors above: ResourceExhausted if the disk is full.
+// Replaces the file, or the file that a symbolic link points to, in one step: readers see the whole
+// old file or the whole new one, and the old one stays if the write fails. Written in place if no
+// other file can be made in its folder. Besides the errors above: ResourceExhausted if the disk is
+// full.
 absl::Status WriteWholeFile(const std::string& path, std::string_view bytes);
 
 // Makes the folder and those that it is in, as far as they are not there. FailedPrecondition if

@@ -10,6 +10,7 @@
 #include "capture/verification/kept_samples.h"
 #include "capture/verification/samples.h"
 #include "tests/capture/session/fake_cell.h"
+#include "tests/capture/verification/ball_robot.h"
 
 namespace silhouette {
 namespace {
@@ -24,16 +25,8 @@ TEST(DrivenSamples, ConfigurationThatChanceFindsAgainReplacesNone) {
                      .references = ReadReferences(*cell.database).value(),
                      .settings = cell.settings,
                      .segmentation = cell.segmentation};
-  const DrawnRobot robot(
-      KinematicChain(
-          {{.name = "turn", .lower = -1, .upper = 1}, {.name = "lift", .lower = 0, .upper = 0.5}},
-          {ChainLink{}, {.parent = 0, .joint = 0}, {.parent = 1, .joint = 1}}),
-      {{.link = 2,
-        .moves_with = 2,
-        .points = Eigen::Vector3d(0.3, 0, 0),
-        .radius = 0.1,
-        .inner = {}}},
-      {});
+  const DrawnRobot robot = BallRobot({.name = "turn", .lower = -1, .upper = 1},
+                                     {.name = "lift", .lower = 0, .upper = 0.5});
   const Eigen::AlignedBox3d workspace(Eigen::Vector3d::Constant(-9), Eigen::Vector3d::Constant(9));
   const auto sampler = [&] {
     return ModelSampler(robot, cell.travel->grid().joints(), workspace, {}, {}, 1);

@@ -10,6 +10,7 @@
 
 #include "calib/robot/drawn_digest.h"
 #include "tests/calib/robot/urdf_files.h"
+#include "tests/capture/verification/ball_robot.h"
 
 namespace silhouette {
 namespace {
@@ -37,16 +38,8 @@ struct VerifiedRobotTest : ::testing::Test {
   }
 
   DrawnCell cell;
-  DrawnRobot bare{
-      KinematicChain({{.name = "turn", .lower = -kPi, .upper = kPi, .continuous = true},
-                      {.name = "lift", .lower = -2, .upper = 2}},
-                     {ChainLink{}, {.parent = 0, .joint = 0}, {.parent = 1, .joint = 1}}),
-      {{.link = 2,
-        .moves_with = 2,
-        .points = Eigen::Vector3d(0.3, 0, 0),
-        .radius = 0.1,
-        .inner = {}}},
-      {}};
+  DrawnRobot bare = BallRobot({.name = "turn", .lower = -kPi, .upper = kPi, .continuous = true},
+                              {.name = "lift", .lower = -2, .upper = 2});
   std::vector<GridJoint> joints = {
       {.name = "turn", .lower = -kPi, .upper = kPi, .steps = 3, .continuous = true},
       {.name = "lift", .lower = 0, .upper = 0.5, .steps = 2}};
