@@ -57,9 +57,11 @@ absl::Status RefusePipe(const std::string& path) {
 
 namespace {
 
-absl::Status WriteInPlace(const std::string& path, std::string_view bytes) {
+// Errors name `path`, to which the file belongs.
+absl::Status WriteInPlace(const std::string& file_path, std::string_view bytes,
+                          const std::string& path) {
   errno = 0;
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+  std::ofstream file(file_path, std::ios::binary | std::ios::trunc);
   if (!file) return FileError(errno, path, "written");
   file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   file.flush();
@@ -75,16 +77,16 @@ absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
   const bool is_new = there.type() == std::filesystem::file_type::not_found;
   const bool replaces = std::filesystem::is_regular_file(there) && access(path.c_str(), W_OK) == 0;
   const bool points_to_nothing = is_new && std::filesystem::is_symlink(path, error);
-  if (points_to_nothing || (!is_new && !replaces)) return WriteInPlace(path, bytes);
+  if (points_to_nothing || (!is_new && !replaces)) return WriteInPlace(path, bytes, path);
   // What was there stays if the disk is full, and the file is whole at every moment; where a link
   // points, if the path is one.
   std::filesystem::path target = std::filesystem::weakly_canonical(path, error);
   if (error) target = path;
   const std::string beside = target.string() + ".new";
-  if (const absl::Status status = WriteInPlace(beside, bytes); !status.ok()) {
+  if (const absl::Status status = WriteInPlace(beside, bytes, path); !status.ok()) {
     std::filesystem::remove(beside, error);
     const bool nothing_beside = absl::IsFailedPrecondition(status) || absl::IsNotFound(status);
-    return nothing_beside ? WriteInPlace(path, bytes) : status;
+    return nothing_beside ? WriteInPlace(path, bytes, path) : status;
   }
   if (replaces) std::filesystem::permissions(beside, there.permissions(), error);
   std::filesystem::rename(beside, target, error);

@@ -7,6 +7,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/picture/files.h"
@@ -31,11 +32,26 @@ TEST(Files, AFileThatCannotBeWrittenWholeStaysAsItWas) {
   const absl::Status status = WriteWholeFile(path, std::string(1000, 'x'));
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);
-  EXPECT_FALSE(status.ok());
+  EXPECT_THAT(status.message(), HasSubstr("'" + path + "' "));
   EXPECT_EQ(*ReadWholeFile(path), "the old one");
   EXPECT_FALSE(std::filesystem::exists(path + ".new"));
   ASSERT_TRUE(WriteWholeFile(path, "the new one").ok());
   EXPECT_EQ(*ReadWholeFile(path), "the new one");
+}
+
+TEST(Files, WhoReadsAFileBehindALinkWhileItIsReplacedReadsAllOfTheOldOne) {
+  const std::filesystem::path folder = TestFolder();
+  const std::string link = folder / "link.json";
+  const std::string path = folder / "file.json";
+  ASSERT_TRUE(WriteWholeFile(path, "the old one").ok());
+  std::filesystem::create_symlink("file.json", link);
+  std::ifstream reader(path);
+  ASSERT_TRUE(WriteWholeFile(link, "the new one").ok());
+  std::string read;
+  std::getline(reader, read);
+  EXPECT_EQ(read, "the old one");
+  EXPECT_EQ(*ReadWholeFile(path), "the new one");
+  EXPECT_TRUE(std::filesystem::is_symlink(link));
 }
 
 TEST(MaskPng, RoundTripsEverySize) {
