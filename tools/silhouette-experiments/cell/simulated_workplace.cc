@@ -107,7 +107,7 @@ absl::Status SimulatedWorkplace::TakeReferenceImages(Database& database) const {
   ASSIGN_OR_RETURN(const auto stored, snapshot.References());
   if (stored) return absl::OkStatus();
   ASSIGN_OR_RETURN(auto rig, SimulatedCameraRig::Create(simulation_, ViewsOf(cell_)));
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *rig, {}));
   simulation_->SetObstacles({});
   simulation_->SetRobotPresent(false);
   const auto references = TakeReferences(cameras, cell_.capture.reference_images);

@@ -63,7 +63,7 @@ class Episode {
             [this](auto from, auto to) { return FastestMovement(stage_.robot(), from, to); },
             stage.rule().acceleration),
         tick_(stage.rule().period / kTicksOfDecision) {
-    if (!settings.rendered || (!method.policy() && video == nullptr)) return;
+    if (!settings.rendered || (!method.preset() && video == nullptr)) return;
     rendered_.emplace(stage.workplace(), stage.database(), people_.size(),
                       StreamOf(settings.seed, static_cast<uint64_t>(episode), 3));
   }
@@ -161,15 +161,18 @@ class Episode {
     decision_ = {};
     // While it picks or places until after the next decision, only cameras go on.
     const double period = stage_.rule().period;
-    if (rendered_ || (method_.policy() && now_ + 2 * period > dwells_until_)) {
+    if (rendered_ || (method_.preset() && now_ + 2 * period > dwells_until_)) {
       ASSIGN_OR_RETURN(seen_, Look());
     }
     if (now_ < dwells_until_) return absl::OkStatus();
     std::optional<Checker> checker;
-    if (scene && method_.policy()) {
+    if (scene && method_.preset()) {
+      Policy policy = stage_.workplace().cell().policy;
+      policy.preset = *method_.preset();
+      if (policy.preset == Preset::kPaper) policy.min_views.reset();
       checker.emplace(
           Served{.database = stage_.database(), .scene = scene, .without_scene = Reason::kNone},
-          *method_.policy(), stage_.workplace().cell().server.scene, MomentAt(now_));
+          policy, stage_.workplace().cell().server.scene, MomentAt(now_));
     }
     const Situation situation = Now(checker ? &*checker : nullptr);
     const bool arrived_short = robot_.left() == 0;

@@ -99,9 +99,9 @@ class ZoneScanner : public Method {
 // Moves at full speed where the next piece of its path is free, else not at all.
 class PathWatch : public Method {
  public:
-  PathWatch(const SpeedRule& rule, Preset preset) : Method(rule), policy_{.preset = preset} {}
+  PathWatch(const SpeedRule& rule, Preset preset) : Method(rule), preset_(preset) {}
 
-  std::optional<Policy> policy() const override { return policy_; }
+  std::optional<Preset> preset() const override { return preset_; }
   Decision Decide(const Situation& now) override {
     if (now.checker == nullptr) return {};
     const SpeedLevel& level = rule().fastest();
@@ -121,7 +121,7 @@ class PathWatch : public Method {
       });
     }
     const ConfigurationGrid& grid = space.grid;
-    const ConfigurationSpace map(checker.served(), policy_);
+    const ConfigurationSpace map(checker.served(), checker.policy());
     const FreeSpace free{
         .point = [&](ConfigurationNumber number) { return map.state(number) == State::kFree; },
         .configuration = [&](std::span<const double> q) { return checker.Check(q).free(); },
@@ -135,7 +135,7 @@ class PathWatch : public Method {
   }
 
  private:
-  const Policy policy_;
+  const Preset preset_;
 };
 
 // Moves as fast as the speed levels keep their protective distances.
@@ -305,7 +305,7 @@ class Oracle : public SpeedLevels {
 class Silhouette : public SpeedLevels {
  public:
   using SpeedLevels::SpeedLevels;
-  std::optional<Policy> policy() const override { return Policy{}; }
+  std::optional<Preset> preset() const override { return Policy{}.preset; }
 
  protected:
   std::optional<PathDistance> Along(const Situation& now,

@@ -71,8 +71,8 @@ class Method {
   explicit Method(const SpeedRule& rule) : rule_(rule) {}
   virtual ~Method() = default;
 
-  // The policy of the checker that it asks; nothing: it does not look.
-  virtual std::optional<Policy> policy() const { return std::nullopt; }
+  // The preset of the checker that it asks; nothing: it does not look.
+  virtual std::optional<Preset> preset() const { return std::nullopt; }
   virtual Decision Decide(const Situation& situation) = 0;
   // From where the robot is, to the goal, or at least to a better place; empty: there is no way.
   virtual std::vector<Configuration> Plan(const Situation& situation, const JointSpace& space,
