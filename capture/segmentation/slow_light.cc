@@ -156,9 +156,30 @@ SlowLight SlowLight::Learn(const cv::Mat& image, const Reference& reference,
   const Brightness brightness = BrightnessOf(image, reference, *this);
   std::vector<std::optional<double>> seen =
       FactorsSeen(image, reference, SlowLightCovered(foreground), brightness);
-  const Plane plane(seen);
+  const auto brightnesses =
+      FactorsSeen(image, reference, cv::Mat::zeros(image.size(), CV_8UC1), brightness);
+  cv::Mat hides;  // by tile: the share of it that is foreground, of 255
+  cv::resize(foreground > 0, hides, {kColumns, kRows}, 0, 0, cv::INTER_AREA);
   SlowLight next;
   next.factors_ = none() ? std::vector<double>(kTiles, 1) : factors_;
+  next.hidden_ = hidden_;
+  next.hidden_.resize(kTiles);
+  for (size_t tile = 0; tile < kTiles; ++tile) {
+    if (!brightnesses[tile]) continue;
+    const double now = *brightnesses[tile];
+    std::optional<Hidden>& hidden = next.hidden_[tile];
+    if (seen[tile] && (!hidden || now <= hidden->least - kLeft || now >= hidden->greatest + kLeft ||
+                       std::abs(now - hidden->factor) <= kSame)) {
+      hidden.reset();
+      continue;
+    }
+    seen[tile].reset();
+    if (!hidden && hides.data[tile] < 128) continue;  // most of it is the cell
+    if (!hidden) hidden = Hidden{.least = now, .greatest = now, .factor = next.factors_[tile]};
+    hidden->least = std::min(hidden->least, now);
+    hidden->greatest = std::max(hidden->greatest, now);
+  }
+  const Plane plane(seen);
   std::vector<double> targets = next.factors_;
   for (int tile = 0; tile < kTiles; ++tile) {
     const auto i = static_cast<size_t>(tile);

@@ -30,6 +30,12 @@ constexpr absl::Duration kLongestGap = absl::Seconds(10);
 // Through how many images before it evidence at the robot's rim has to last.
 constexpr size_t kEvidenceImages = 2;
 
+bool SameReference(const Reference& a, const Reference& b) {
+  return a.size() == b.size() && a.channels() == b.channels() &&
+         cv::norm(a.mean(), b.mean(), cv::NORM_INF) == 0 &&
+         cv::norm(a.noise(), b.noise(), cv::NORM_INF) == 0;
+}
+
 // What a view sees in `image`, which is as the cell says (ImageJudge). `light` learns from it, if
 // `since`, the time since it did so, is long enough; it is then set to 0.
 absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase& database, int view,
@@ -44,7 +50,7 @@ absl::StatusOr<SceneMask> SeenIn(const CameraImage& image, const ServedDatabase&
     if (segmentation.follow_brightness && since >= kLearnInterval &&
         seen.channels() == reference.channels()) {
       const absl::Duration learnt = std::min(since, kLongestGap);
-      light = light.Learn(seen, reference, foreground > kShadow, absl::ToDoubleSeconds(learnt));
+      light = light.Learn(seen, reference, foreground, absl::ToDoubleSeconds(learnt));
       since = absl::ZeroDuration();
     }
     return SceneMaskOf(pixels, foreground, database, view, segmentation.min_cover);
@@ -152,8 +158,14 @@ absl::StatusOr<SharedScene> Acquisition::Publish(
     const std::shared_ptr<const ServedDatabase>& database,
     const std::vector<std::optional<LiveImage>>& images, const Moment& arrived, SceneInput input) {
   if (light_of_ != database) {
+    lights_.resize(images.size());
+    for (size_t view = 0; view < images.size(); ++view) {
+      const int v = static_cast<int>(view);
+      const bool same =
+          light_of_ != nullptr && SameReference(light_of_->reference(v), database->reference(v));
+      if (!same) lights_[view] = {};
+    }
     light_of_ = database;
-    lights_.assign(images.size(), {});
     lights_learnt_ = arrived.running;
     since_learnt_.assign(images.size(), absl::ZeroDuration());
     before_.assign(images.size(), {});

@@ -96,7 +96,7 @@ class Acquisition {
   ImageJudge judge_;
   ProofOfLife life_;
   // What the light has slowly become, by view, since the references of this database were made;
-  // begun again with another database.
+  // begun again with another reference.
   std::shared_ptr<const ServedDatabase> light_of_;
   std::vector<SlowLight> lights_;
   std::vector<absl::Duration> since_learnt_;

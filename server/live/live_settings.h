@@ -38,7 +38,8 @@ struct LiveSettings {
   // How long after an error a device is asked again: doubled from the first to the longest.
   absl::Duration first_retry = absl::Milliseconds(50);
   absl::Duration longest_retry = absl::Seconds(2);
-  // Devices that gave only errors for so long are closed and opened again.
+  // The robot is closed and opened again if it gave only errors for so long; the cameras, if none
+  // of them gave an image that can be used.
   absl::Duration reopen_after = absl::Seconds(5);
   // How often the log reports the state of acquisition.
   absl::Duration report_interval = absl::Minutes(1);

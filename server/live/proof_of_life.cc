@@ -106,7 +106,7 @@ std::optional<double> ProofOfLife::NoiseShare(const Sample& before, const Sample
 }
 
 ProofOfLife::Change ProofOfLife::ChangeOf(const Sample& before, const Sample& now,
-                                          const Reference& reference, const Mask* where) {
+                                          const Reference& reference, const Mask& where) {
   Change change;
   if (before.levels.size() != now.levels.size()) return change;
   const int channels = reference.channels();
@@ -117,8 +117,7 @@ ProofOfLife::Change ProofOfLife::ChangeOf(const Sample& before, const Sample& no
     const auto* noises = reference.noise().ptr<uint16_t>(y);
     for (int column = 0; column < now.levels.cols; ++column) {
       const int x = now.x(column);
-      if (where != nullptr && !where->at(x * where->width() / now.image.width,
-                                         y * where->height() / now.image.height)) {
+      if (!where.at(x * where.width() / now.image.width, y * where.height() / now.image.height)) {
         continue;
       }
       const uint16_t noise = noises[x * channels + channels / 2];
@@ -163,7 +162,7 @@ absl::Status ProofOfLife::Judge(size_t view, const CameraImage& image, const Ref
     known.captured = image.captured;
     known.sample = std::move(sample);
     if (known.least_changed > 0 &&
-        ChangeOf(known.standing->sample, known.sample, reference, nullptr).changed >=
+        ChangeOf(known.standing->sample, known.sample, reference, known.moved).changed >=
             known.least_changed) {
       known.least_changed = 0;
       known.standing.reset();
@@ -191,22 +190,23 @@ absl::Status ProofOfLife::JudgeMotion(size_t view, const RobotCover& robot, cons
   const double least =
       std::max(kLeastMovedPixels, kLeastMovedShare * static_cast<double>(entered.size().pixels()));
   if (static_cast<double>(entered.Count()) < least) return absl::OkStatus();
-  const Change there = ChangeOf(before.sample, known.sample, reference, &entered);
+  const Change there = ChangeOf(before.sample, known.sample, reference, entered);
   const double least_changed = settings_.least_change * static_cast<double>(there.pixels);
   // Someone as bright as the cell may have come there meanwhile. Where the robot was the image
   // changes, too; if it does not, that proves nothing: someone may have hidden the robot.
   const Mask left = before.robot.certain - robot.anywhere;
-  const Change where_it_was = ChangeOf(before.sample, known.sample, reference, &left);
+  const Change where_it_was = ChangeOf(before.sample, known.sample, reference, left);
   const size_t changed = there.changed + where_it_was.changed;
   if (there.pixels == 0 || static_cast<double>(changed) >= least_changed) {
     stand();
     return absl::OkStatus();
   }
   known.least_changed = std::max<size_t>(1, static_cast<size_t>(std::ceil(least_changed)));
+  known.moved = entered | left;
   known.still = absl::DataLossError(absl::StrFormat(
       "the camera is frozen, or the robot did not move as its driver reports: %d pixels changed "
       "where it was or is, less than least_change, %g, of the %d compared where it is; restart the "
-      "camera and move something in its view, or mend the driver",
+      "camera and move the robot, or mend the driver",
       changed, settings_.least_change, there.pixels));
   return known.still;
 }

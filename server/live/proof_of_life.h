@@ -26,7 +26,7 @@ namespace silhouette {
 //   reference's noise.
 // Both only where the source has noise. A view is dead, too, if the robot moved to where its image
 // showed the empty cell, and the image changed neither there nor where the robot was; it stays dead
-// until its image changes.
+// until its image changes there.
 class ProofOfLife {
  public:
   static constexpr int kDeadPairs = 2;
@@ -78,7 +78,8 @@ class ProofOfLife {
     absl::Status fault;           // why it is
     std::optional<Standing> standing;
     size_t least_changed = 0;  // pixels of the sample; not 0: dead since the robot moved
-    absl::Status still;        // why that is
+    Mask moved;          // where they have to change: where the robot came to and where it was
+    absl::Status still;  // why that is
   };
 
   static Sample SampleOf(const CameraImage& image);
@@ -86,13 +87,13 @@ class ProofOfLife {
   // known.
   static std::optional<double> NoiseShare(const Sample& before, const Sample& now,
                                           const Reference& reference);
-  // How many pixels of the sample changed clearly; `where`: counted there only, if it is not null.
+  // How many pixels of the sample changed clearly; `where`: counted there only.
   struct Change {
     size_t changed = 0;
     size_t pixels = 0;
   };
   static Change ChangeOf(const Sample& before, const Sample& now, const Reference& reference,
-                         const Mask* where);
+                         const Mask& where);
 
   // By the first two rules, of another image than before.
   absl::Status FaultOf(View& view, const CameraImage& image, const Sample& sample,

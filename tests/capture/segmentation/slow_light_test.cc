@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
@@ -74,6 +75,42 @@ TEST_F(SlowLightTest, SomeoneStandingStillForAnHourStaysForeground) {
     // around.
     EXPECT_LT(ForegroundPixels(Sloped(cell_, 0.2), light), 0.2 * person.area()) << level;
   }
+}
+
+// On a plain floor, beside which the light passes their brightness, while a dark robot passes in
+// front of them every minute.
+TEST_F(SlowLightTest, SomeoneWhomTheLightPassesIsForegroundAgain) {
+  const cv::Rect person(120, 0, 40, 120);
+  const cv::Mat floor(kSize, CV_64FC1, cv::Scalar(100));
+  const Reference reference = Reference::FromImages(ExposeSeries(floor, 20, 1.5, random_));
+  SlowLight light;
+  cv::Mat foreground;
+  constexpr int kSeconds = 1200;
+  for (int second = 0; second <= kSeconds; ++second) {
+    cv::Mat seen = Sloped(floor, 0.3 * second / kSeconds);
+    const bool robot = second % 60 >= 57;
+    cv::rectangle(seen, person, cv::Scalar(robot ? 50 : 110), cv::FILLED);
+    const cv::Mat image = Expose(seen, 1, 1.5, random_);
+    foreground = Foreground(image, reference, {}, light);
+    light = light.Learn(image, reference, foreground, 1);
+  }
+  EXPECT_GT(cv::countNonZero(foreground(person)), 0.9 * person.area());
+}
+
+TEST_F(SlowLightTest, PlaceThatWasHiddenForLongIsLearntAgainOnceItIsSeen) {
+  const cv::Rect person(120, 0, 40, 120);
+  // Until they leave the light changes by a plane; then in a way that no plane through the other
+  // places has.
+  const auto light_at = [&](double time) {
+    cv::Mat light = Sloped(cell_, 0.2 * std::min(time, 0.5));
+    if (time < 0.5) cv::rectangle(light, person, cv::Scalar(40), cv::FILLED);
+    for (int x = 0; x < light.cols && time > 0.5; ++x) {
+      const double place = static_cast<double>(x) / (light.cols - 1);
+      light.col(x) *= 1 + 0.2 * (time - 0.5) * (3 * place * place - 1);
+    }
+    return light;
+  };
+  EXPECT_LT(ForegroundPixels(light_at(1), LearnForAnHour(light_at)), 200);
 }
 
 TEST_F(SlowLightTest, LightThatChangesSlowlyAndUnevenlyIsFollowed) {

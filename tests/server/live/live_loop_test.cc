@@ -255,6 +255,106 @@ TEST_F(LiveLoopTest, AnotherDatabaseIsServedFromTheNextSetOn) {
   EXPECT_EQ(scene->generation, other->generation());
 }
 
+// With camera images that are large enough to learn the light of.
+struct LearntLightTest : LiveCellTest {
+  LearntLightTest() {
+    for (storage::v1::View& view : *cell.mutable_views()) {
+      view.set_image_width(160);
+      view.set_image_height(120);
+      config.without_noise.insert(view.name());
+    }
+    record = std::make_shared<LiveRecord>(kViewNames, config.scene.max_age, config.clock);
+  }
+
+  // The cell, brighter towards the right by `slope`.
+  static cv::Mat Picture(double slope) {
+    cv::Mat image(120, 160, CV_8UC1);
+    for (int y = 0; y < image.rows; ++y) {
+      for (int x = 0; x < image.cols; ++x) {
+        image.at<uint8_t>(y, x) = static_cast<uint8_t>((120 + (x * 7 + y * 13) % 60) *
+                                                       (1 + slope * (2.0 * x / image.cols - 1)));
+      }
+    }
+    return image;
+  }
+  std::shared_ptr<const ServedDatabase> DatabaseWith(
+      const cv::Mat& empty, std::vector<std::pair<int, int>> missing = {}) const {
+    storage::v1::References references;
+    for (int view = 0; view < 3; ++view) {
+      const Reference reference = Reference::FromImages(std::vector<cv::Mat>(4, empty));
+      storage::v1::Reference& stored = *references.add_views();
+      stored.set_mean_png(reference.MeanPng());
+      stored.set_noise_png(reference.NoisePng());
+      stored.set_images(4);
+    }
+    const std::filesystem::path folder = FreshFolder();
+    MakeDatabase(folder / "db", {.missing = std::move(missing), .cell = cell});
+    {
+      const auto made = Database::Open(folder / "db", Database::Access::kWrite);
+      EXPECT_TRUE((*made)->SetReferences(references, "test").ok());
+    }
+    return LoadDatabase(folder / "db");
+  }
+  Acquisition NewAcquisition() {
+    return {config,
+            {.database = [this] { return served; },
+             .publish = [this](Scene scene, const auto&) -> absl::StatusOr<SharedScene> {
+               foreground = 0;
+               for (const auto& view : scene.views) foreground += view->foreground.Count();
+               return std::make_shared<const Scene>(std::move(scene));
+             }},
+            [](absl::Duration, absl::Duration) {
+              return absl::StatusOr<std::vector<JointPosition>>(absl::UnavailableError("no robot"));
+            },
+            record,
+            cell};
+  }
+  // The foreground of the scene that all views see ten seconds later, in mask pixels.
+  size_t Take(Acquisition& acquisition, const cv::Mat& pixels) {
+    now.time += absl::Seconds(10);
+    now.running += absl::Seconds(10);
+    const CameraImage image{.width = pixels.cols,
+                            .height = pixels.rows,
+                            .channels = 1,
+                            .pixels = {pixels.datastart, pixels.dataend},
+                            .captured = now.time};
+    const std::vector<absl::StatusOr<CameraImage>> images(3, image);
+    EXPECT_TRUE(acquisition.Take({.images = images, .asked = now, .arrived = now}).ok());
+    return foreground;
+  }
+
+  storage::v1::CellDescription cell = ServerTestCell();
+  std::shared_ptr<const ServedDatabase> served;
+  Moment now = SystemClock();
+  size_t foreground = 0;  // of the newest scene
+};
+
+TEST_F(LearntLightTest, OutlastsAnotherDatabaseUnlessItsReferencesAreOthers) {
+  served = DatabaseWith(Picture(0));
+  Acquisition acquisition = NewAcquisition();
+  for (int i = 0; i < 60; ++i) Take(acquisition, Picture(0.2 * i / 60));
+  EXPECT_EQ(Take(acquisition, Picture(0.2)), 0u);
+  served = DatabaseWith(Picture(0), {{1, 1}});
+  EXPECT_EQ(Take(acquisition, Picture(0.2)), 0u);
+  Acquisition later = NewAcquisition();
+  EXPECT_GT(Take(later, Picture(0.2)), 0u) << "it has not seen how the light changed";
+  served = DatabaseWith(Picture(0) + 1);
+  EXPECT_GT(Take(acquisition, Picture(0.2)), 0u) << "since this reference it has not, either";
+}
+
+TEST_F(LearntLightTest, ShadowThatIsIgnoredTeachesNothing) {
+  served = DatabaseWith(Picture(0));
+  cv::Mat shaded = Picture(0);
+  shaded(cv::Rect(50, 30, 60, 50)) *= 0.7;
+  Acquisition counting = NewAcquisition();
+  const size_t counted = Take(counting, shaded);
+  config.segmentation.shadows = Shadows::kIgnore;
+  Acquisition ignoring = NewAcquisition();
+  ASSERT_LT(Take(ignoring, shaded), counted);
+  for (int i = 0; i < 60; ++i) Take(ignoring, shaded);
+  EXPECT_EQ(Take(ignoring, Picture(0)), 0u);
+}
+
 TEST_F(LiveLoopTest, DatabaseWithoutReferencesStopsScenesUntilThereIsOneWithThem) {
   ASSERT_TRUE(Start().ok());
   GoodScene();

@@ -176,6 +176,18 @@ TEST_F(ProofOfLifeTest, StillImageWhileTheRobotMovesIsDeadUntilItChanges) {
   }
 }
 
+TEST_F(ProofOfLifeTest, LoopIsDeadUntilItsImageChangesWhereTheRobotWasOrIs) {
+  ASSERT_TRUE(Moved(life, Live(), 2, Bar(2)).ok());
+  ASSERT_FALSE(Moved(life, Live(), 12, Bar(2)).ok());
+  for (int i = 0; i < 10; ++i) {  // someone walks, and the robot stands
+    cv::Mat scene = Scene();
+    scene(cv::Rect(110 + i, 50, 20, 20)) += 60;
+    EXPECT_FALSE(Moved(life, Image(kSigma, scene), 12, Bar(2)).ok()) << i;
+  }
+  robot = 12;
+  EXPECT_TRUE(Moved(life, Live(), 12, Bar(12)).ok());
+}
+
 TEST_F(ProofOfLifeTest, ThinRobotThatMovesInAStillImageProvesItDead) {
   const auto line = [](int x) {
     return Mask::FromPredicate(kMask, [=](int px, int py) { return px == x && py < 20; });
