@@ -41,6 +41,13 @@ std::string WhyUnfit(const std::string& line, const AuditEnd& end) {
   return "";
 }
 
+// Whether `torn` begins as the line after `end`. A crash may leave NULs in place of the rest.
+bool IsTornLine(std::string_view torn, const AuditEnd& end) {
+  const std::string_view text = torn.substr(0, torn.find_last_not_of('\0') + 1);
+  const std::string begin = absl::StrCat("{\"line\":", end.lines + 1, ",");
+  return text.substr(0, begin.size()) == begin.substr(0, text.size());
+}
+
 }  // namespace
 
 std::string AuditLine(const AuditEntry& entry, AuditEnd& end) {
@@ -65,6 +72,10 @@ absl::StatusOr<AuditFile> ReadAudit(const std::string& path) {
   std::string line;
   while (std::getline(file, line)) {
     if (file.eof()) {  // without a newline
+      if (!IsTornLine(line, audit.end)) {
+        return absl::DataLossError(absl::StrCat("'", path, "': line ", audit.end.lines + 1,
+                                                " has no end and is not of an audit file"));
+      }
       audit.torn = line;
       break;
     }

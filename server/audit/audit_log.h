@@ -39,7 +39,7 @@ class AuditLog {
   // says when that begins and ends.
   void Note(AuditEntry entry);
 
-  // The same for what may come often: not if the same was noted within the last minute.
+  // The same for what may come often: the first of a series, which ends with a minute without it.
   void NoteFirst(AuditEntry entry);
 
  private:

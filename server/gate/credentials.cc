@@ -60,14 +60,18 @@ class Gate {
   grpc_ssl_certificate_config_reload_status Fetch(grpc_ssl_server_certificate_config** config) {
     const std::lock_guard lock(mutex_);
     const FileStates states = StatesOf(files_);
-    if (states == seen_) return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
-    seen_ = states;
+    if (states == used_) {
+      fault_.clear();
+      return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_UNCHANGED;
+    }
     const absl::StatusOr<TlsTexts> texts = ReadTls(files_);
+    const std::string fault(texts.status().message());
+    const bool is_new = std::exchange(fault_, fault) != fault;
     if (!texts.ok()) {
-      spdlog::error("certificates not renewed, still using the former ones: {}",
-                    std::string(texts.status().message()));
+      if (is_new) spdlog::error("certificates not renewed, still using the former ones: {}", fault);
       return GRPC_SSL_CERTIFICATE_CONFIG_RELOAD_FAIL;
     }
+    used_ = states;
     spdlog::info("certificate '{}' is valid until {}", files_.certificate,
                  absl::FormatTime(texts->valid_until));
     const grpc_ssl_pem_key_cert_pair pair{texts->key.c_str(), texts->certificate.c_str()};
@@ -103,7 +107,8 @@ class Gate {
   const std::vector<std::string> user_;
   const Denied denied_;
   std::mutex mutex_;
-  FileStates seen_;
+  FileStates used_;    // the files in use
+  std::string fault_;  // why later ones are not; empty: they are
 };
 
 std::string_view TextOf(const grpc_slice& slice) {

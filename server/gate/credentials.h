@@ -3,8 +3,8 @@
 // socket, and who may call what.
 //
 // Certificates are read again with the first connection after a file has changed. Connections that
-// exist stay as they are. Files that do not fit together are reported in the log, and the former
-// ones stay in use.
+// exist stay as they are. Files that do not fit together, or are not valid yet, are reported in the
+// log and read again with the next connection; the former ones stay in use.
 #pragma once
 
 #include <grpcpp/security/server_credentials.h>
@@ -53,8 +53,8 @@ absl::Status CheckGate(const std::string& address, const GateSettings& settings)
 absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> CredentialsFor(
     const GateSettings& settings, const std::vector<std::string>& user, Denied denied);
 
-// Gives the socket file of "unix:path" its group and mode. FailedPrecondition: there is no such
-// group, or this process may not give it.
+// Gives the socket file of "unix:path" its group and mode; without socket_mode 0660.
+// FailedPrecondition: there is no such group, or this process may not give it.
 absl::Status GuardSocket(const std::string& address, const GateSettings& settings);
 
 }  // namespace silhouette

@@ -26,8 +26,8 @@ struct GateSettings {
   Roles roles;
   // Whether plain text may be spoken beyond this machine.
   bool insecure = false;
-  // Of a Unix socket, whose file decides who may connect. Nothing, empty: as the process makes
-  // files.
+  // Of a Unix socket, whose file decides who may connect. Neither: as the process makes files. A
+  // group alone: 0660.
   std::optional<mode_t> socket_mode;
   std::string socket_group;
 };

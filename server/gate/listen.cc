@@ -90,7 +90,7 @@ absl::Status GuardSocket(const std::string& address, const GateSettings& setting
                                 "; run the server as a member of it");
     }
   }
-  if (settings.socket_mode && chmod(path.c_str(), *settings.socket_mode) != 0) {
+  if (chmod(path.c_str(), settings.socket_mode.value_or(0660)) != 0) {
     return FailedPrecondition("cannot set the mode of the socket '", path, "': ", strerror(errno));
   }
   return absl::OkStatus();

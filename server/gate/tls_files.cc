@@ -74,7 +74,11 @@ absl::StatusOr<TlsTexts> ReadTls(const TlsFiles& files) {
   }
   texts.valid_until = TimeOf(X509_get0_notAfter(certificate.get()));
   const absl::Time from = TimeOf(X509_get0_notBefore(certificate.get()));
-  if (absl::Now() >= texts.valid_until || absl::Now() < from) {
+  if (absl::Now() < from) {
+    return FailedPrecondition("the certificate '", files.certificate, "' is not valid before ",
+                              absl::FormatTime(from), ": wait, or set this machine's clock");
+  }
+  if (absl::Now() >= texts.valid_until) {
     return FailedPrecondition("the certificate '", files.certificate, "' is valid from ",
                               absl::FormatTime(from), " to ", absl::FormatTime(texts.valid_until),
                               ", and not now; renew it");

@@ -156,6 +156,40 @@ absl::StatusOr<Acceptors> AddAcceptors(const std::string& address, const GateSet
   return acceptors;
 }
 
+// Hands each connection to the acceptor of its user, and records users without a role. `serving`
+// must outlive it.
+Listener::Take HandTo(Acceptors acceptors, const Serving& serving) {
+  const GateSettings& gate = serving.settings.gate;
+  const bool of_users = !gate.tls && !gate.roles.empty();
+  return [&serving, of_users, acceptors = std::move(acceptors)](int listener, int connection) {
+    const std::optional<uid_t> user = UserAt(connection);
+    auto acceptor = acceptors.find(user);
+    if (acceptor == acceptors.end()) {
+      if (of_users) {
+        serving.AuditFirst(absl::StrCat("uid ", *user), "connection.denied", "without a role");
+      }
+      acceptor = acceptors.find(std::nullopt);
+    }
+    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+    parameters.listener_fd = listener;
+    parameters.fd = connection;
+    acceptor->second->HandleNewConnection(&parameters);
+  };
+}
+
+// What gRPC and Protobuf know of the whole process.
+void SetUpGrpc() {
+  // Once more than it is shut down: shutting down gRPC itself may wait ten seconds for a thread
+  // that wrote much to a connection. The end of the process ends that.
+  grpc_init();
+  // What it says of requests that cannot be parsed goes to their callers.
+  google::protobuf::SetLogHandler(nullptr);
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
+  // Else the linker leaves out what reflection describes the health service by.
+  google::protobuf::LinkMessageReflection<grpc::health::v1::HealthCheckRequest>();
+}
+
 }  // namespace
 
 Server::Server(std::shared_ptr<const ServedDatabase> database, ServingSettings settings)
@@ -167,15 +201,7 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     const std::string& address, std::shared_ptr<const ServedDatabase> database,
     ServingSettings settings) {
   RETURN_IF_ERROR(CheckGate(address, settings.gate));
-  // Once more than it is shut down: shutting down gRPC itself may wait ten seconds for a thread
-  // that wrote much to a connection. The end of the process ends that.
-  grpc_init();
-  // What it says of requests that cannot be parsed goes to their callers.
-  google::protobuf::SetLogHandler(nullptr);
-  grpc::EnableDefaultHealthCheckService(true);
-  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
-  // Else the linker leaves out what reflection describes the health service by.
-  google::protobuf::LinkMessageReflection<grpc::health::v1::HealthCheckRequest>();
+  SetUpGrpc();
   auto server = std::unique_ptr<Server>(new Server(std::move(database), std::move(settings)));
   Serving& serving = server->serving_;
   const GateSettings& gate = serving.settings.gate;
@@ -188,21 +214,14 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
     serving.AuditFirst(who, "call.denied", call);
   };
   grpc::ServerBuilder builder;
-  ASSIGN_OR_RETURN(const Acceptors acceptors, AddAcceptors(address, gate, denied, builder));
+  ASSIGN_OR_RETURN(Acceptors acceptors, AddAcceptors(address, gate, denied, builder));
   SetLimits(serving.settings, builder);
   for (const auto& service : server->services_) builder.RegisterService(service.get());
   server->server_ = builder.BuildAndStart();
   if (server->server_ == nullptr) {
     return absl::InternalError("gRPC does not start; its log says more (GRPC_VERBOSITY=ERROR)");
   }
-  server->listener_->Start([acceptors](int listener, int connection) {
-    grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
-    parameters.listener_fd = listener;
-    parameters.fd = connection;
-    const auto of_user = acceptors.find(UserAt(connection));
-    (of_user == acceptors.end() ? acceptors.at(std::nullopt) : of_user->second)
-        ->HandleNewConnection(&parameters);
-  });
+  server->listener_->Start(HandTo(std::move(acceptors), serving));
   grpc::HealthCheckServiceInterface* health = server->server_->GetHealthCheckService();
   for (const char* name :
        {v1::CollisionService::service_full_name(), v1::SceneService::service_full_name(),
@@ -212,8 +231,8 @@ absl::StatusOr<std::unique_ptr<Server>> Server::Start(
   serving.Audit("server", "server.start",
                 absl::StrCat("listens on ", server->address_, ", database generation ",
                              serving.scenes.database()->generation()));
-  server->health_ = std::make_shared<HealthReport>(server->serving_, *health);
-  server->serving_.watches.Add(server->health_);
+  server->health_ = std::make_shared<HealthReport>(serving, *health);
+  serving.watches.Add(server->health_);
   return server;
 }
 

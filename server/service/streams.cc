@@ -184,6 +184,30 @@ void AddPlanes(const Served& served, const Policy& policy,
   }
 }
 
+// The map of a scene, worked out for these tiles, with free cells if asked for; null: there is no
+// scene, or no tile. Cancelled: it was given up.
+absl::StatusOr<std::shared_ptr<const ConfigurationSpace>> WorkedOut(
+    Serving& serving, const Served& served, const Policy& policy,
+    const std::vector<uint64_t>& tiles, bool cells, const Stop& stop) {
+  if (served.scene == nullptr || tiles.empty()) return nullptr;
+  std::shared_ptr<const ConfigurationSpace> space = serving.spaces.Get(served, policy);
+  if (!space->WorkOut(tiles, stop)) return absl::CancelledError();
+  if (cells && !space->WorkOutCells(tiles, stop)) return absl::CancelledError();
+  return space;
+}
+
+// The tiles, of those named, that are not as in `sent`, or, if that is null, as a new one.
+std::vector<uint64_t> Changed(const std::vector<uint64_t>& tiles, const ConfigurationSpace& space,
+                              const ConfigurationSpace* sent, bool cells) {
+  std::vector<uint64_t> changed;
+  std::ranges::copy_if(tiles, std::back_inserter(changed), [&](uint64_t tile) {
+    if (sent == nullptr) return space.tile(tile) != TileVerdicts();
+    return space.tile(tile) != sent->tile(tile) ||
+           (cells && space.free_cells(tile) != sent->free_cells(tile));
+  });
+  return changed;
+}
+
 }  // namespace
 
 absl::StatusOr<bool> SpaceWatch::Prepare() {
@@ -198,13 +222,9 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   if (obstacles && request_.tiles().empty() && DrawsMaps(*served.database)) tiles.clear();
   RETURN_IF_ERROR(CheckWatched(*served.database, tiles.size()));
   const bool cells = TellsCells(request_.include_cells(), policy);
-  std::shared_ptr<const ConfigurationSpace> space;
-  if (served.scene != nullptr && !tiles.empty()) {
-    space = serving().spaces.Get(served, policy);
-    const auto stop = [this] { return cancelled(); };
-    if (!space->WorkOut(tiles, stop)) return absl::CancelledError();
-    if (cells && !space->WorkOutCells(tiles, stop)) return absl::CancelledError();
-  }
+  ASSIGN_OR_RETURN(
+      std::shared_ptr<const ConfigurationSpace> space,
+      WorkedOut(serving(), served, policy, tiles, cells, [this] { return cancelled(); }));
   v1::WatchConfigurationSpaceResponse first;
   const Reason blocked = Conclude(serving(), served, policy, first.mutable_basis());
   if (serving().scenes.database() != served.whole) return Prepare();  // it was replaced
@@ -222,11 +242,7 @@ absl::StatusOr<bool> SpaceWatch::Prepare() {
   if (blocked == Reason::kNone && obstacles) AddPlanes(served, policy, &first);
   if (blocked == Reason::kNone && !tiles.empty()) {
     first.set_cells_exact(cells && space->cells_exact());
-    std::ranges::copy_if(tiles, std::back_inserter(changed_), [&](uint64_t tile) {
-      if (sent_ == nullptr) return space->tile(tile) != TileVerdicts();
-      return space->tile(tile) != sent_->tile(tile) ||
-             (cells && space->free_cells(tile) != sent_->free_cells(tile));
-    });
+    changed_ = Changed(tiles, *space, sent_.get(), cells);
     sent_ = std::move(space);
   }
   told_of_ = state;

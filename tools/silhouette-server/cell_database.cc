@@ -384,10 +384,26 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
                      "nobody can be there");
 }
 
-// Why the calibration cannot be that of the robot images; empty: nothing speaks against it.
-// FailedPrecondition: margins, which no preset does without, rest on it. Errors of MisplacedViews.
+// Why nothing may rest on the calibration; empty: there is none, or nothing speaks against it.
+// FailedPrecondition: it is not that of the robot images, and margins, which no preset does
+// without, rest on it. Errors of MisplacedViews.
 absl::StatusOr<std::string> CalibrationDoubtOf(const Cell& cell, const Database& database) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto calibration, snapshot.Calibration());
+  if (!calibration) return std::string();
+  if (!cell.robot.drawn && cell.robot.model && cell.capture.first_look.least_overlap == 0) {
+    spdlog::warn(
+        "{}: capture: first_look: least_overlap: 0: the server does not compare the calibration "
+        "with the robot images: what rests on a wrong one may be free though it is not; state a "
+        "value above 0",
+        cell.file);
+  }
   ASSIGN_OR_RETURN(std::string misplaced, MisplacedViews(cell, database));
+  if (misplaced.empty() && cell.segmentation.min_cover > 0) {
+    return absl::StrFormat(
+        "segmentation: min_cover: %g: what covers less of a mask pixel is missed; leave it out",
+        cell.segmentation.min_cover);
+  }
   const bool lengths = std::ranges::any_of(
       cell.views, [](const ViewSettings& view) { return view.margin.metres > 0; });
   if (misplaced.empty() || !lengths) return misplaced;

@@ -10,6 +10,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdlib>
+#include <future>
 #include <iostream>
 #include <memory>
 #include <mutex>
@@ -27,7 +28,6 @@
 #include "absl/strings/str_cat.h"
 #include "capture/session/travel.h"
 #include "common/log/log_lines.h"
-#include "common/picture/files.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "server/audit/audit_log.h"
@@ -55,8 +55,6 @@ namespace {
 constexpr char kName[] = "silhouette-server";
 // How long calls in flight may take when the server is stopped; less than Signals::kLongestEnd.
 constexpr absl::Duration kGrace = absl::Milliseconds(700);
-// How often the server looks whether its database is to be loaded again.
-constexpr std::chrono::seconds kBetweenLooks{1};
 
 struct Options {
   std::string cell;
@@ -97,34 +95,55 @@ std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
                                       variant.empty() ? KnownVariant() : KnownVariant(variant));
 }
 
-absl::Duration LatencyOf(const ImageSource& source) {
+// The latency and the timeout of a view's camera; 0: it has none.
+std::pair<absl::Duration, absl::Duration> DelaysOf(const ImageSource& source) {
   return std::visit(
       [](const auto& camera) {
+        std::pair<absl::Duration, absl::Duration> delays;
+        if constexpr (requires { camera.latency; }) delays.first = camera.latency;
         if constexpr (requires { camera.trigger; }) {
-          if (camera.trigger == CameraTrigger::kSoftware) return absl::ZeroDuration();
+          if (camera.trigger == CameraTrigger::kSoftware) delays.first = absl::ZeroDuration();
         }
-        if constexpr (requires { camera.latency; }) {
-          return camera.latency;
-        } else {
-          return absl::ZeroDuration();
-        }
+        if constexpr (requires { camera.timeout; }) delays.second = camera.timeout;
+        return delays;
       },
       source);
 }
 
-// An image is taken for as old as its latency when it comes, and the next one comes at the earliest
-// a latency later.
-void WarnOfLatency(const Cell& cell) {
+// Warns of sources whose scenes are stale for long, or not of the cell as it is now.
+void WarnOfSources(const Cell& cell) {
+  const absl::Duration max_age = cell.server.scene.max_age;
+  const bool simulated = std::holds_alternative<SimulatedRobotDriver>(cell.robot.driver);
   for (const ViewSettings& view : cell.views) {
-    const absl::Duration latency = LatencyOf(view.source);
-    if (2 * latency < 0.9 * cell.server.scene.max_age) continue;
-    spdlog::warn(
-        "view '{}': with a latency of {} a scene is more than {} old before the next one comes, "
-        "and "
-        "is stale meanwhile: state a greater 'server: max_age' than {}, or the camera's latency if "
-        "it is less",
-        view.name, SpokenTime(latency), SpokenTime(2 * latency),
-        SpokenTime(cell.server.scene.max_age));
+    if (std::holds_alternative<VideoSource>(view.source) ||
+        std::holds_alternative<FolderSource>(view.source)) {
+      spdlog::warn(
+          "view '{}' is a recording: verdicts say nothing of the cell as it is now; state its "
+          "camera as 'source'",
+          view.name);
+    }
+    if (simulated && !IsSimulated(view.source)) {
+      spdlog::warn(
+          "view '{}' is not simulated, but the robot is: the robot's reported joints are not those "
+          "that this view shows; state the 'driver' of the cell's robot, or 'source: sim'",
+          view.name);
+    }
+    const auto [latency, timeout] = DelaysOf(view.source);
+    // An image is taken for as old as its latency when it comes, and the next one comes at the
+    // earliest a latency later.
+    if (2 * latency >= 0.9 * max_age) {
+      spdlog::warn(
+          "view '{}': with a latency of {} a scene is more than {} old before the next one comes, "
+          "and is stale meanwhile: state a greater 'server: max_age' than {}, or the camera's "
+          "latency if it is less",
+          view.name, SpokenTime(latency), SpokenTime(2 * latency), SpokenTime(max_age));
+    }
+    if (timeout >= max_age) {
+      spdlog::warn(
+          "view '{}': if its camera is silent it delays all views by its timeout, {}, and the "
+          "whole cell is unknown: state a 'timeout' of less than 'server: max_age', {}",
+          view.name, SpokenTime(timeout), SpokenTime(max_age));
+    }
   }
 }
 
@@ -151,7 +170,6 @@ absl::StatusOr<CellOpeners> LiveDevicesOf(const Cell& cell, const std::string& o
 absl::StatusOr<std::unique_ptr<LiveLoop>> StartLive(const Cell& cell, CellOpeners devices,
                                                     std::shared_ptr<LiveRecord> record,
                                                     Server& server) {
-  WarnOfLatency(cell);
   LiveConfig config = LiveConfigOf(cell);
   config.live.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   return LiveLoop::Start(
@@ -210,14 +228,36 @@ absl::Status ShowRecording(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(const auto page, CellPage::Start(options.page, options.insecure, *replay));
   std::cout << "recording at http://" << page->address() << "/" << std::endl;
   sd_notify(0, "READY=1");
-  // A recording stays as it is.
-  while (signals.Wait(kBetweenLooks) != Signals::Wish::kEnd) continue;
+  signals.AwaitEnd();  // a recording stays as it is
   return absl::OkStatus();
+}
+
+// What the cell file and the command line state. `check`: of the calibration.
+ServingSettings SettingsOf(const Cell& cell, const Options& options,
+                           const CalibrationWatchSettings& check) {
+  ServingSettings settings;
+  settings.policy = cell.policy;
+  settings.choose_preset = cell.choose_preset;
+  settings.scene = cell.server.scene;
+  settings.map_time = cell.server.map_time;
+  settings.limits = cell.server.limits;
+  settings.index_check = cell.server.index_check;
+  settings.segmentation = cell.segmentation;
+  settings.joint_slides = cell.joint_slides;
+  settings.without_noise = LiveConfigOf(cell).without_noise;
+  settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
+  if (!check.file.empty()) {
+    settings.trust = std::make_shared<const CalibrationTrust>(ReadTrust(check, SystemClock()));
+  }
+  settings.metrics = options.metrics.empty() ? cell.server.metrics : options.metrics;
+  if (options.live) settings.live = NewLiveRecord(cell);
+  settings.gate = cell.server.gate;
+  return settings;
 }
 
 absl::Status Serve(const Options& options, Signals& signals) {
   ASSIGN_OR_RETURN(Cell cell, LoadCell(options.cell, options.database));
-  ASSIGN_OR_RETURN(std::string cell_text, ReadWholeFile(options.cell));
+  FileHashes files = HashesOf(cell);
   if (options.robot_image_memory) cell.server.robot_image_memory = options.robot_image_memory;
   const std::string listen = options.listen.empty() ? cell.server.listen : options.listen;
   cell.server.gate.insecure = options.insecure;
@@ -228,38 +268,23 @@ absl::Status Serve(const Options& options, Signals& signals) {
   std::optional<CellOpeners> devices;
   if (options.live) {
     ASSIGN_OR_RETURN(devices, LiveDevicesOf(cell, options.obstacles));
+    WarnOfSources(cell);
   }
   ASSIGN_OR_RETURN(auto database, LoadDatabase(cell, options.unverified));
   RETURN_IF_ERROR(MarginsKnown(cell, *database));
   signals.Loaded();
 
-  ServingSettings settings;
-  settings.policy = cell.policy;
-  settings.choose_preset = cell.choose_preset;
-  settings.scene = cell.server.scene;
-  settings.map_time = cell.server.map_time;
-  settings.limits = cell.server.limits;
-  AskForDescriptors(settings.limits);
-  settings.index_check = cell.server.index_check;
-  settings.segmentation = cell.segmentation;
-  settings.joint_slides = cell.joint_slides;
-  settings.without_noise = LiveConfigOf(cell).without_noise;
-  settings.worker_threads = static_cast<int>(std::max(2u, std::thread::hardware_concurrency()));
+  AskForDescriptors(cell.server.limits);
   const CalibrationWatchSettings check{.file = options.calibration_check.empty()
                                                    ? cell.server.calibration_check
                                                    : options.calibration_check,
                                        .max_age = cell.server.calibration_check_max_age};
-  if (!check.file.empty()) {
-    settings.trust = std::make_shared<const CalibrationTrust>(ReadTrust(check, SystemClock()));
-  }
-  settings.metrics = options.metrics.empty() ? cell.server.metrics : options.metrics;
-  if (options.live) settings.live = NewLiveRecord(cell);
+  ServingSettings settings = SettingsOf(cell, options, check);
   const std::shared_ptr<LiveRecord> live_record = settings.live;
-  settings.gate = cell.server.gate;
   if (!cell.server.audit.empty()) {
     ASSIGN_OR_RETURN(settings.audit, AuditLog::Open(cell.server.audit));
   }
-  ASSIGN_OR_RETURN(const std::unique_ptr<Server> server,
+  ASSIGN_OR_RETURN(std::unique_ptr<Server> server,
                    Server::Start(listen, std::move(database), std::move(settings)));
   std::optional<CalibrationWatch> calibration_watch;
   if (!check.file.empty()) {
@@ -284,24 +309,27 @@ absl::Status Serve(const Options& options, Signals& signals) {
   if (page != nullptr) spdlog::info("page at http://{}/", page->address());
 
   sd_notify(0, "READY=1");
+  const auto reloader =
+      std::make_shared<Reloader>(cell, std::move(files), options.unverified, *server);
+  const std::future<void> reloads = Reloader::Start(reloader, signals);
   {
     const std::jthread life([&server](const std::stop_token& stop) { ShowLife(stop, *server); });
-    Reloader reloader(cell, std::move(cell_text), options.unverified, *server);
-    for (Signals::Wish wish{}; wish != Signals::Wish::kEnd; wish = signals.Wait(kBetweenLooks)) {
-      if (wish == Signals::Wish::kReload) {
-        reloader.Reload();
-      } else {
-        reloader.ReloadIfSuspectsChanged();
-      }
-    }
+    signals.AwaitEnd();
   }
+  reloader->Leave();
   sd_notify(0, "STOPPING=1");
   spdlog::info("stopping; calls in flight may take {} more", SpokenTime(kGrace));
   live.reset();
   page.reset();
   server->Stop(kGrace);
   spdlog::info("stopped");
-  return absl::OkStatus();
+  if (reloads.wait_for(std::chrono::milliseconds(100)) == std::future_status::ready) {
+    return absl::OkStatus();
+  }
+  // The thread still uses what the program's end would destroy. All that must be written is.
+  calibration_watch.reset();
+  server.reset();
+  std::_Exit(kDone);
 }
 
 int Main(int argc, char** argv) {
@@ -366,7 +394,8 @@ int Main(int argc, char** argv) {
       "Prints one line to stdout, 'listening on ADDRESS', when it is ready; its log goes to\n"
       "stderr. SIGTERM and Ctrl-C let the calls in flight finish, for at most a second, and end "
       "the\n"
-      "program within two, with exit code 3 if something hangs; SIGHUP reads the database again.\n"
+      "program within two, with exit code 3 if something but a reload hangs; SIGHUP reads the\n"
+      "database again.\n"
       "Without 'server: tls' in the cell file everyone who reaches the address may do everything;\n"
       "an address that other machines reach then needs --insecure.\n"
       "Under systemd it reports when it is ready, and to the watchdog that it still takes "

@@ -3,9 +3,14 @@
 
 #include <spdlog/spdlog.h>
 
+#include <chrono>
 #include <exception>
+#include <functional>
 #include <memory>
+#include <thread>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -20,20 +25,68 @@ namespace {
 constexpr char kSuspectsChanged[] =
     "a capture session changed which robot images are suspect; loading the database again";
 constexpr int kLooksBetweenLoads = 10;
+constexpr std::chrono::seconds kBetweenLooks{1};
 
 }  // namespace
 
-Reloader::Reloader(const Cell& cell, std::string cell_text, bool unverified, Server& server)
-    : cell_(cell), cell_text_(std::move(cell_text)), unverified_(unverified), server_(server) {}
+FileHashes HashesOf(const Cell& cell) {
+  FileHashes hashes;
+  const auto add = [&](const std::string& path) {
+    if (hashes.contains(path)) return;
+    const absl::StatusOr<std::string> bytes = ReadWholeFile(path);
+    hashes[path] = bytes.ok() ? std::optional(std::hash<std::string>()(*bytes)) : std::nullopt;
+  };
+  add(cell.file);
+  if (cell.robot.model == nullptr) return hashes;
+  add(cell.robot.urdf);
+  for (const RobotLink& link : cell.robot.model->links()) {
+    for (const auto* bodies : {&link.visual, &link.collision}) {
+      for (const LinkGeometry& body : *bodies) {
+        if (const auto* mesh = std::get_if<MeshShape>(&body.shape)) add(mesh->path);
+      }
+    }
+  }
+  return hashes;
+}
+
+Reloader::Reloader(Cell cell, FileHashes files, bool unverified, Server& server)
+    : cell_(std::move(cell)), files_(std::move(files)), unverified_(unverified), server_(&server) {}
+
+std::future<void> Reloader::Start(std::shared_ptr<Reloader> reloader, Signals& signals) {
+  std::promise<void> end;
+  std::future<void> done = end.get_future();
+  std::thread([reloader = std::move(reloader), &signals, end = std::move(end)]() mutable {
+    for (Signals::Wish wish{}; wish != Signals::Wish::kEnd; wish = signals.Wait(kBetweenLooks)) {
+      if (wish == Signals::Wish::kReload) {
+        reloader->Reload();
+      } else {
+        reloader->ReloadIfSuspectsChanged();
+      }
+    }
+    end.set_value();
+  }).detach();
+  return done;
+}
+
+void Reloader::Leave() {
+  const std::lock_guard lock(mutex_);
+  server_ = nullptr;
+}
+
+std::shared_ptr<const ServedDatabase> Reloader::Served() {
+  const std::lock_guard lock(mutex_);
+  return server_ == nullptr ? nullptr : server_->database();
+}
 
 void Reloader::Reload() {
   ReportCertificates();
-  ReportChangedCell();
+  ReportChangedFiles();
   LoadAgain();
 }
 
 void Reloader::ReloadIfSuspectsChanged() {
-  if (MustLoadAgain(*server_.database())) LoadAgain();
+  const std::shared_ptr<const ServedDatabase> served = Served();
+  if (served != nullptr && MustLoadAgain(*served)) LoadAgain();
 }
 
 bool Reloader::MustLoadAgain(const ServedDatabase& database) {
@@ -58,7 +111,7 @@ void Reloader::LoadAgain() {
         LoadDatabase(cell_, unverified_);
     if (database.ok()) {
       const absl::Status known = MarginsKnown(cell_, **database);
-      server_.ReplaceDatabase(*std::move(database));
+      if (!Replace(*std::move(database))) return;
       spdlog::info("reloaded; verdicts are unknown until the next scene");
       if (!known.ok()) spdlog::error("nothing is free: {}", std::string(known.message()));
       return;
@@ -67,6 +120,13 @@ void Reloader::LoadAgain() {
   } catch (const std::exception& error) {
     ReportNotReloaded(error.what());
   }
+}
+
+bool Reloader::Replace(std::shared_ptr<const ServedDatabase> database) {
+  const std::lock_guard lock(mutex_);
+  if (server_ == nullptr) return false;
+  server_->ReplaceDatabase(std::move(database));
+  return true;
 }
 
 // New connections use changed certificates anyway; here the log says whether they can.
@@ -82,15 +142,17 @@ void Reloader::ReportCertificates() const {
   }
 }
 
-void Reloader::ReportChangedCell() const {
-  const absl::StatusOr<std::string> now = ReadWholeFile(cell_.file);
-  if (now.ok() && *now == cell_text_) return;
-  spdlog::warn("'{}' has changed, and its former settings still hold: restart the server",
-               cell_.file);
+void Reloader::ReportChangedFiles() const {
+  for (const auto& [path, hash] : HashesOf(cell_)) {
+    if (hash == files_.at(path)) continue;
+    spdlog::warn("'{}' has changed, and its former contents still hold: restart the server", path);
+  }
 }
 
-void Reloader::ReportNotReloaded(const std::string& why) const {
-  const bool damaged = server_.database()->damage().found();
+void Reloader::ReportNotReloaded(const std::string& why) {
+  const std::shared_ptr<const ServedDatabase> served = Served();
+  if (served == nullptr) return;
+  const bool damaged = served->damage().found();
   spdlog::error("not reloaded, {}: {}",
                 damaged ? "and nothing is free" : "still serving the old state", why);
 }

@@ -33,6 +33,11 @@ Signals::Wish Signals::Wait(std::chrono::seconds time) {
   return std::exchange(reloading_, false) ? Wish::kReload : Wish::kNone;
 }
 
+void Signals::AwaitEnd() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return ending_; });
+}
+
 void Signals::Take() {
   int signal = SIGHUP;
   while (signal == SIGHUP) {

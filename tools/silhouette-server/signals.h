@@ -11,8 +11,8 @@ namespace silhouette {
 
 // The program's signals, taken by a thread of its own: none waits until other work is done. After
 // SIGTERM or SIGINT the program has kLongestEnd to end by itself. Then this ends it with exit code
-// 3, whatever hangs: a device, a disk, the log. A second signal ends it at once, as the first one
-// does while the database is loaded. Thread-safe.
+// 3, whatever hangs: a device, a disk, the log. A reload that hangs does not keep it. A second
+// signal ends it at once, as the first one does while the database is loaded. Thread-safe.
 class Signals {
  public:
   static constexpr std::chrono::milliseconds kLongestEnd{1900};
@@ -28,6 +28,9 @@ class Signals {
 
   // Waits for `time` at most. kReload: SIGHUP came, once or more often.
   Wish Wait(std::chrono::seconds time);
+
+  // Waits for SIGTERM or SIGINT.
+  void AwaitEnd();
 
  private:
   [[noreturn]] void Take();

@@ -86,8 +86,11 @@ TEST_F(AuditLogTest, ChangedRemovedAndInsertedLinesAreNamed) {
 TEST_F(AuditLogTest, TornLastLineIsCutOffAndSaid) {
   Write({"a", "b"});
   const std::string whole = ContentOf(path);
-  for (const size_t kept : {whole.size() - 1, whole.size() - 30, whole.find('\n') + 2}) {
-    WriteFile(path, whole.substr(0, kept));
+  const std::string first = whole.substr(0, whole.find('\n') + 1);
+  for (const std::string& left :
+       {whole.substr(0, whole.size() - 1), whole.substr(0, whole.size() - 30), first + "{",
+        first + "{\"line\":2" + std::string(20, '\0'), first + std::string(20, '\0')}) {
+    WriteFile(path, left);
     Write({"c"});
     const auto audit = ReadAudit(path);
     ASSERT_TRUE(audit.ok()) << audit.status();
@@ -118,7 +121,16 @@ TEST_F(AuditLogTest, IsOfOneProcessAndNoOtherKindOfFile) {
   EXPECT_EQ(ContentOf(other), "name: cell\n");
 }
 
-TEST_F(AuditLogTest, SameWithinAMinuteIsNotedOnce) {
+TEST_F(AuditLogTest, OtherFileWithoutANewlineKeepsItsBytes) {
+  for (const std::string text : {"{\"my\":\"data\"}", "{\"line\":7,\"my\":1}", "{ }", "x"}) {
+    WriteFile(path, text);
+    EXPECT_THAT(std::string(AuditLog::Open(path).status().message()),
+                HasSubstr("line 1 has no end and is not of an audit file"));
+    EXPECT_EQ(ContentOf(path), text);
+  }
+}
+
+TEST_F(AuditLogTest, RepeatsAreNotedAgainOnlyAfterAMinuteWithoutThem) {
   {
     const auto log = AuditLog::Open(path);
     ASSERT_TRUE(log.ok());

@@ -2,6 +2,9 @@
 // A server behind its gate: who gets in, what each may do, and what is recorded.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <openssl/bio.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
 #include <poll.h>
 #include <pwd.h>
 #include <sys/socket.h>
@@ -20,6 +23,8 @@
 #include <vector>
 
 #include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "proto/tls/channel_credentials.h"
 #include "server/audit/audit_log.h"
 #include "server/gate/caller.h"
@@ -176,6 +181,9 @@ TEST_F(GateTest, UserWithoutARoleMayDoNothing) {
   Start(gate, "unix:" + (FreshFolder() / "socket").string());
   EXPECT_THAT(AllowedFor(ClientOf({})), testing::IsEmpty());
   EXPECT_THAT(Ask({}).message(), HasSubstr("a user without a role"));
+  EXPECT_THAT(Audited(), AllOf(HasSubstr("\"who\":\"uid " + std::to_string(getuid()) +
+                                         "\",\"what\":\"connection.denied\""),
+                               HasSubstr("\"who\":\"\",\"what\":\"call.denied\"")));
 }
 
 TEST_F(GateTest, RolesOfUsersThatThisMachineDoesNotHaveAreRefused) {
@@ -352,6 +360,48 @@ TEST_F(GateTest, RenewedCertificateIsUsedAndARunningWatchGoesOn) {
   EXPECT_TRUE(ClientOf(TlsOf("operator", renewed)).GetDatabase().ok());
 }
 
+// Makes the server's certificate of a folder valid from `from`.
+void SetStart(const std::filesystem::path& folder, absl::Time from) {
+  const auto read = [&](const char* name, auto* read_pem) {
+    const std::string text = ContentOf(folder / name);
+    const std::unique_ptr<BIO, decltype(&BIO_free)> bio(
+        BIO_new_mem_buf(text.data(), static_cast<int>(text.size())), BIO_free);
+    return read_pem(bio.get(), nullptr, nullptr, nullptr);
+  };
+  const std::unique_ptr<X509, decltype(&X509_free)> certificate(
+      read("server.pem", PEM_read_bio_X509), X509_free);
+  const std::unique_ptr<EVP_PKEY, decltype(&EVP_PKEY_free)> authority(
+      read("ca.key", PEM_read_bio_PrivateKey), EVP_PKEY_free);
+  ASN1_TIME_set(X509_getm_notBefore(certificate.get()), absl::ToTimeT(from));
+  ASSERT_GT(X509_sign(certificate.get(), authority.get(), EVP_sha256()), 0);
+  const std::unique_ptr<BIO, decltype(&BIO_free)> file(
+      BIO_new_file((folder / "server.pem").c_str(), "w"), BIO_free);
+  ASSERT_EQ(PEM_write_bio_X509(file.get(), certificate.get()), 1);
+}
+
+TEST_F(GateTest, RenewedCertificateThatIsNotValidYetIsUsedOnceItIs) {
+  const std::filesystem::path folder = FreshFolder();
+  CopyCertificates(Certificates(), folder);
+  Start(TlsGate(folder));
+  ASSERT_TRUE(Ask(TlsOf("planner")).ok());
+  const std::filesystem::path renewed = MakeCertificates();
+  SetStart(renewed, absl::Now() + absl::Hours(1));
+  CopyCertificates(renewed, folder);
+  EXPECT_THAT(std::string(ReadTls(*TlsGate(folder).tls).status().message()),
+              HasSubstr("server.pem' is not valid before "));
+  EXPECT_TRUE(Ask(TlsOf("publisher")).ok()) << "the former one is still in use";
+  // It becomes valid, and its file's state stays as it is. The size varies with the signature.
+  const std::filesystem::path file = folder / "server.pem";
+  const auto written = std::filesystem::last_write_time(file);
+  const auto size = std::filesystem::file_size(file);
+  do {
+    SetStart(folder, absl::Now() - absl::Hours(1));
+  } while (std::filesystem::file_size(file) != size && !HasFatalFailure());
+  std::filesystem::last_write_time(file, written);
+  const absl::Status used = Ask(TlsOf("planner", renewed));
+  EXPECT_TRUE(used.ok()) << used;
+}
+
 TEST_F(GateTest, FilesOfTlsAreCheckedAtTheStart) {
   const std::filesystem::path folder = FreshFolder();
   CopyCertificates(Certificates(), folder);
@@ -388,6 +438,16 @@ TEST_F(GateTest, SocketHasItsModeAndItsGroupFromTheFirstMoment) {
       Server::Start("unix:" + (FreshFolder() / "s").string(), NewDatabase(), nobodys);
   EXPECT_THAT(std::string(refused.status().message()),
               HasSubstr("there is no group 'no-such-group'"));
+}
+
+TEST_F(GateTest, SocketWithAGroupAloneIsForTheGroup) {
+  const std::string path = FreshFolder() / "s";
+  GateSettings gate;
+  gate.socket_group = "root";
+  Start(gate, "unix:" + path);
+  struct stat status {};
+  ASSERT_EQ(stat(path.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0660u);
 }
 
 TEST(GateSettings, PlainTextStaysOnThisMachineUnlessAskedFor) {

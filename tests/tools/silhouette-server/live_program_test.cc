@@ -47,6 +47,18 @@ struct LiveProgramTest : ::testing::Test {
                    *cell / "server.err");
   }
   std::string Log() const { return server->Errors(); }
+  // What the log of a live server with this source of the view 'top' has.
+  std::string LogWith(const std::string& source, const std::string& max_age) {
+    const std::string file = *cell / "source.yaml";
+    WriteText(file,
+              absl::StrReplaceAll(ReadText(cell->cell()),
+                                  {{"max_age: 20 s", "max_age: " + max_age},
+                                   {"name: top, source: sim", "name: top, source: " + source}}));
+    StartOnly("--live", file);
+    server->Address();
+    EXPECT_EQ(server->End(SIGTERM), 0);
+    return Log();
+  }
 
   // The file's text, once it has `part`.
   std::string AwaitText(const std::string& file, const std::string& part) const {
@@ -145,21 +157,34 @@ TEST_F(LiveProgramTest, MistakesAreToldInOneSentence) {
 
 TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
   const auto log_with = [&](const std::string& max_age) {
-    const std::string file = *cell / "stream.yaml";
-    WriteText(file,
-              absl::StrReplaceAll(
-                  ReadText(cell->cell()),
-                  {{"max_age: 20 s", "max_age: " + max_age},
-                   {"name: top, source: sim",
-                    "name: top, source: {rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 300 ms}}"}}));
-    StartOnly("--live", file);
-    server->Address();
-    EXPECT_EQ(server->End(SIGTERM), 0);
-    return Log();
+    return LogWith("{rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 300 ms}}", max_age);
   };
   EXPECT_THAT(log_with("500 ms"), HasSubstr("view 'top': with a latency of 300 ms a scene is more "
                                             "than 600 ms old before the next one comes"));
   EXPECT_THAT(log_with("2 s"), Not(HasSubstr("latency")));
+}
+
+TEST_F(LiveProgramTest, TimeoutThatMakesScenesStaleIsToldAtTheStart) {
+  EXPECT_THAT(LogWith("{rtsp: 'rtsp://127.0.0.1:9/'}", "5 s"),
+              HasSubstr("view 'top': if its camera is silent it delays all views by its timeout, 5 "
+                        "s, and the whole cell is unknown"));
+  EXPECT_THAT(
+      LogWith("{rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 100 ms, timeout: 400 ms}}", "5 s"),
+      Not(HasSubstr("if its camera is silent")));
+}
+
+TEST_F(LiveProgramTest, RecordingIsToldAtTheStart) {
+  std::filesystem::create_directory(*cell / "images");
+  WriteText(*cell / "images/1.pgm", "P5\n160 120\n255\n" + std::string(160 * 120, 'x'));
+  EXPECT_THAT(
+      LogWith("{folder: {path: images, repeat: true}}", "20 s"),
+      HasSubstr("view 'top' is a recording: verdicts say nothing of the cell as it is now"));
+}
+
+TEST_F(LiveProgramTest, SimulatedRobotWithOtherCamerasIsToldAtTheStart) {
+  const std::string said = "is not simulated, but the robot is";
+  EXPECT_THAT(LogWith("{rtsp: 'rtsp://127.0.0.1:9/'}", "20 s"), HasSubstr("view 'top' " + said));
+  EXPECT_THAT(LogWith("sim", "20 s"), Not(HasSubstr(said)));
 }
 
 TEST_F(LiveProgramTest, TheVariantIsToldByTheProgram) {

@@ -72,6 +72,25 @@ TEST_F(ServerProgramTest, EndsThoughAThreadOfItsOwnHangs) {
   close(writer);
 }
 
+TEST_F(ServerProgramTest, EndsWithZeroAndRecordsItThoughAReloadHangs) {
+  std::string text = kServerTestCellFile;
+  text.replace(text.find("[16, 12]}"), 9, "[16, 12], ignore: pillar.png}");
+  WriteFile(cell, text + "server: {audit: audit.jsonl}\n");
+  const std::string pillar = folder / "pillar.png";
+  WriteFile(pillar, PngOf(cv::Mat(12, 16, CV_8UC1, cv::Scalar(0))));
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_NE(program.Address(), "");
+  const std::string endless = folder / "endless";
+  ASSERT_EQ(mkfifo(endless.c_str(), 0600), 0);
+  std::filesystem::rename(endless, pillar);
+  program.Signal(SIGHUP);
+  const int writer = AwaitReader(pillar);
+  EXPECT_EQ(program.End(SIGTERM), 0);
+  EXPECT_THAT(ContentOf(folder / "audit.jsonl"), HasSubstr("server.stop"));
+  close(writer);
+}
+
 // A server of a database with a collision index, and scenes for it.
 struct DamagedFileTest : ServerProgramTest {
   void SetUp() override {

@@ -161,6 +161,24 @@ TEST_F(ServerProgramTest, WarnsOfImagesThatMayBeOldOrFarApart) {
                                       HasSubstr("images 50 s apart")));
 }
 
+TEST_F(ServerProgramTest, SettingsThatACalibrationCannotRestOnAreToldWhereThereIsOne) {
+  GiveModelAndCameras(
+      "", "segmentation: {min_cover: 0.5}\ncapture: {first_look: {least_overlap: 0}}\n");
+  const std::string unknown =
+      "what rests on the calibration is unknown, never free: segmentation: min_cover: 0.5";
+  const std::string not_compared = "least_overlap: 0: the server does not compare the calibration";
+  const auto said = [&] {
+    ServerProgram program(folder,
+                          {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+    EXPECT_THAT(program.Address(), StartsWith("127.0.0.1:"));
+    return program.Errors();
+  };
+  EXPECT_THAT(said(), AllOf(HasSubstr(unknown), HasSubstr(not_compared)));
+  ASSERT_TRUE(
+      (*Database::Open(database, Database::Access::kWrite))->RemoveCalibration("test").ok());
+  EXPECT_THAT(said(), AllOf(Not(HasSubstr(unknown)), Not(HasSubstr(not_compared))));
+}
+
 TEST_F(ServerProgramTest, DrawnImagesOfAModelThatIsNotVerifiedAreServedOnlyOnDemand) {
   GiveModelAndCameras("  images: drawn\n", "");
   std::vector<std::string> arguments{"--cell", cell,       "--database",
@@ -274,7 +292,8 @@ TEST_F(ServerProgramTest, ReloadForSuspectImagesIsTriedAgainUntilItSucceeds) {
   EXPECT_TRUE(says("reloaded; "));
 }
 
-TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileNeedsARestart) {
+TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileOrModelNeedsARestart) {
+  GiveModelAndCameras("", "");
   ServerProgram program(folder,
                         {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
   program.Address();
@@ -290,11 +309,20 @@ TEST_F(ServerProgramTest, SighupSaysThatAChangedCellFileNeedsARestart) {
     EXPECT_EQ(reloads(), times);
   };
   reload(1);
-  EXPECT_THAT(program.Errors(), testing::Not(HasSubstr("restart the server")));
-  WriteFile(cell, std::string(kServerTestCellFile) + "margin: 5 px\n");
+  const std::string changed =
+      "' has changed, and its former contents still hold: restart the server";
+  EXPECT_THAT(program.Errors(), Not(HasSubstr(changed)));
+  WriteFile(cell, ContentOf(cell) + "margin: 5 px\n");
   reload(2);
-  EXPECT_THAT(program.Errors(), HasSubstr("has changed, and its former settings still hold: "
-                                          "restart the server"));
+  EXPECT_THAT(program.Errors(),
+              AllOf(HasSubstr("cell.yaml" + changed), Not(HasSubstr("lid.obj" + changed)),
+                    Not(HasSubstr("robot.urdf" + changed))));
+  for (const std::string name : {"lid.obj", "robot.urdf"}) {
+    WriteFile(folder / name, ContentOf(folder / name) + "\n");
+  }
+  reload(3);
+  EXPECT_THAT(program.Errors(),
+              AllOf(HasSubstr("lid.obj" + changed), HasSubstr("robot.urdf" + changed)));
 }
 
 TEST_F(ServerProgramTest, SighupWithADatabaseThatCannotBeReadServesTheOldStateOn) {
