@@ -45,9 +45,13 @@ class RunningProgram {
   RunningProgram& operator=(const RunningProgram&) = delete;
 
   pid_t pid() const { return pid_; }
-  void Signal(int signal) { kill(pid_, signal); }
-  // Waits for its end; its exit code, or -1 after a signal.
+  // Nothing if it has ended: -1 would be all processes.
+  void Signal(int signal) {
+    if (pid_ > 0) kill(pid_, signal);
+  }
+  // Waits for its end; its exit code, or -1 after a signal, or if that was waited for before.
   int ExitCode() {
+    if (pid_ <= 0) return -1;
     int status = 0;
     waitpid(pid_, &status, 0);
     pid_ = -1;

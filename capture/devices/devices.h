@@ -108,8 +108,8 @@ class CameraSource {
   // The images, in the order of views(). None of them was taken before Trigger(); `captured` is the
   // earliest moment at which each can have been taken, by this machine's wall clock. `deadline`: by
   // the running clock. Errors, of one image or of all: DeadlineExceeded: it did not come. DataLoss:
-  // it is not whole. Unavailable: the device is not there any more. OutOfRange: the recording has
-  // no more images. After an error the source is as ready as after a success.
+  // it is not whole, or of another time. Unavailable: the device is not there any more. OutOfRange:
+  // the recording has no more images. After an error the source is as ready as after a success.
   virtual absl::StatusOr<EachImage> Wait(absl::Duration deadline) = 0;
 };
 

@@ -29,7 +29,7 @@ struct CaptureObserver {
   // Asked when a lost robot can be reached again: whether it may move. The
   // operator must make sure that nobody is in the cell.
   std::function<bool()> robot_may_move = [] { return false; };
-  // Asked between two configurations or sets, and while a lost device is waited for.
+  // Asked before each move of the robot and each set, and while a lost device is waited for.
   std::function<bool()> stop_requested = [] { return false; };
 };
 

@@ -44,6 +44,8 @@ struct CaptureReport {
   std::string alarm;
   bool none_visited = false;  // the latter
   uint64_t sentinel_checks = 0;
+  // The sentinels that were to be captured again are not yet what the database compares with.
+  bool new_sentinels_left = false;
   // Robot images in the database that were captured while the cell may have been changed, or that
   // a session that captured everything again did not come to.
   uint64_t suspect = 0;

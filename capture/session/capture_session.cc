@@ -97,10 +97,16 @@ class CaptureRun {
   absl::StatusOr<bool> CaptureInTurn(const std::vector<ConfigurationNumber>& numbers);
   // Whether to go on: all is as it was, or somebody says so.
   absl::StatusOr<bool> CheckSentinels();
+  // Keeps in the database which the sentinels are, once they are captured and the first look, for
+  // which robot images wait, is over. Once.
+  absl::Status RememberSentinels();
   // Waits for lost devices.
   absl::StatusOr<Visit> VisitPatiently(ConfigurationNumber number);
   // Once. A robot that was lost does not move before somebody says that it may.
   absl::StatusOr<Visit> VisitOnce(ConfigurationNumber number);
+  // What was stored last is suspect if a camera repeated its image now: where one set is all that
+  // is taken, it may have been frozen already, since before the robot arrived there.
+  absl::Status SuspectFrozen();
   // Whether VisitPatiently ended because the operator stopped the robot, or did not want to wait
   // for a lost device.
   bool Stopped(const absl::Status& status) const;
@@ -139,10 +145,12 @@ class CaptureRun {
   const absl::Time begun_ = absl::Now();
   bool put_ = false;           // a robot image was written
   bool first_sights_ = false;  // the sentinels are being captured
+  bool remember_ = false;      // they are captured, and RememberSentinels() is due
   bool unchecked_ = false;     // something was captured since the sentinels were visited
   bool suspected_ = false;     // something was marked as suspect in this session
-  bool robot_lost_ = false;    // and must not move by itself
   int failures_in_a_row_ = 0;
+  ConfigurationNumber last_number_ = 0;
+  std::optional<absl::Time> last_stored_;  // when its images were captured
   absl::Duration last_commit_;
   absl::Duration last_cycle_;
 };
@@ -153,10 +161,11 @@ CaptureRun::CaptureRun(SessionParts& parts, RobotImageWriter& writer, const Capt
       writer_(writer),
       plan_(plan),
       observer_(observer),
-      visitor_(parts, observer.say),
+      visitor_(parts, observer),
       last_commit_(RunningNow()) {
   report_.planned = plan.captures.size();
   report_.kept = plan.kept;
+  report_.new_sentinels_left = plan.new_sentinels;
   for (const storage::v1::View& view : parts.database->cell().views()) {
     report_.views.push_back({.name = view.name()});
   }
@@ -240,10 +249,8 @@ absl::Status CaptureRun::CaptureAll() {
   go_on = CaptureInTurn(first);
   first_sights_ = false;
   if (!go_on.ok() || !*go_on) return go_on.status();
-  if (!first.empty()) {
-    RETURN_IF_ERROR(EndFirstLook());  // which sentinels wait for
-    RETURN_IF_ERROR(sentinels_->Remember());
-  }
+  remember_ = !first.empty();
+  RETURN_IF_ERROR(RememberSentinels());
   const std::set<ConfigurationNumber> there(first.begin(), first.end());
   std::vector<ConfigurationNumber> rest;
   for (const ConfigurationNumber number : plan_.captures) {
@@ -253,6 +260,13 @@ absl::Status CaptureRun::CaptureAll() {
   if (!go_on.ok() || !*go_on) return go_on.status();
   RETURN_IF_ERROR(EndFirstLook());
   return unchecked_ && sentinels_->Known() ? CheckSentinels().status() : absl::OkStatus();
+}
+
+absl::Status CaptureRun::RememberSentinels() {
+  if (first_look_ || !std::exchange(remember_, false)) return absl::OkStatus();
+  RETURN_IF_ERROR(sentinels_->Remember());
+  report_.new_sentinels_left = false;
+  return absl::OkStatus();
 }
 
 absl::Status CaptureRun::CheckEarlierCaptures() {
@@ -331,19 +345,31 @@ bool CaptureRun::Stopped(const absl::Status& status) const {
 }
 
 absl::StatusOr<Visit> CaptureRun::VisitOnce(ConfigurationNumber number) {
-  if (robot_lost_) {
+  if (visitor_.robot_lost() && !parts_.settings.continue_after_reconnect) {
     const absl::Status back = parts_.robot.Measure().status();
     if (!back.ok()) return back;
     if (!observer_.robot_may_move()) {
       return absl::AbortedError(
-          "the robot was lost and is back, and does not move on by itself: somebody may be with it "
-          "(continue_after_reconnect)");
+          "the robot was lost, or a stop command did not reach it; it does not move on by itself: "
+          "somebody may be with it (continue_after_reconnect)");
     }
-    robot_lost_ = false;
   }
   absl::StatusOr<Visit> visit = visitor_.Go(number);
-  robot_lost_ = visitor_.robot_lost() && !parts_.settings.continue_after_reconnect;
+  RETURN_IF_ERROR(SuspectFrozen());
   return visit;
+}
+
+absl::Status CaptureRun::SuspectFrozen() {
+  const std::optional<absl::Time> repeated = parts_.cameras.repeated();
+  if (parts_.settings.still_images > 1 || !repeated || repeated != last_stored_) {
+    return absl::OkStatus();
+  }
+  last_stored_.reset();
+  suspected_ = true;
+  observer_.say(absl::StrCat("configuration ", last_number_,
+                             " is suspect: the camera may have been frozen already when it was "
+                             "captured; recapture it with: run --only suspect"));
+  return sentinels_->SuspectOne(*repeated, "captured when a camera may have been frozen already");
 }
 
 absl::StatusOr<Visit> CaptureRun::VisitPatiently(ConfigurationNumber number) {
@@ -422,6 +448,8 @@ absl::Status CaptureRun::Store(ConfigurationNumber number, const Visit& visit) {
   image.masks = RobotMasks(parts_, visit);
   for (size_t v = 0; v < report_.views.size(); ++v) report_.views[v].Add(image.masks[v]);
   unchecked_ = true;
+  last_number_ = number;
+  last_stored_ = image.captured;
   sentinels_->Captured(image.captured);
   if (first_sights_) sentinels_->CapturedSentinel(number, visit, image.masks);
   const bool keep =
@@ -450,7 +478,7 @@ absl::Status CaptureRun::EndFirstLook() {
   for (Waiting& waiting : std::exchange(waiting_, {})) {
     RETURN_IF_ERROR(Put(waiting.image, waiting.raw_images));
   }
-  return absl::OkStatus();
+  return RememberSentinels();
 }
 
 absl::Status CaptureRun::Refuse(const std::string& fault) {
@@ -477,10 +505,7 @@ absl::Status CaptureRun::Put(const RobotImage& image, const std::vector<std::str
 }
 
 absl::Status CaptureRun::StopRobot(const absl::Status& why) {
-  const absl::Status stopped = parts_.robot.Stop();
-  if (!stopped.ok()) {
-    observer_.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));
-  }
+  visitor_.StopRobot();
   return why;
 }
 
@@ -503,7 +528,8 @@ absl::StatusOr<CaptureSession> CaptureSession::Create(Database& database, const 
                                                       const SegmentationSettings& segmentation,
                                                       std::optional<DrawnRobot> expected) {
   ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), robot));
-  ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(database.cell(), rig));
+  ASSIGN_OR_RETURN(CellCameras cameras,
+                   CellCameras::Create(database.cell(), rig, settings.noisy_views));
   if (database.cell().segmentation() != Describe(segmentation)) {
     return absl::FailedPreconditionError(
         "the database was made with other segmentation settings; its robot images and those to "

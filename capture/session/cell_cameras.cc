@@ -2,16 +2,20 @@
 #include "capture/session/cell_cameras.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "capture/session/image_change.h"
+#include "db/status/status_macros.h"
 
 namespace silhouette {
 
 absl::StatusOr<CellCameras> CellCameras::Create(const storage::v1::CellDescription& cell,
-                                                CameraRig& rig) {
+                                                CameraRig& rig, std::set<std::string> noisy_views) {
   CellCameras cameras(rig);
+  cameras.noisy_views_ = std::move(noisy_views);
   const std::vector<std::string>& known = rig.views();
   for (const storage::v1::View& view : cell.views()) {
     const auto place = std::find(known.begin(), known.end(), view.name());
@@ -29,6 +33,7 @@ absl::StatusOr<CellCameras> CellCameras::Create(const storage::v1::CellDescripti
 }
 
 absl::StatusOr<ImageSet> CellCameras::Grab(const std::function<void(const std::string&)>& say) {
+  repeated_.reset();
   absl::StatusOr<std::vector<CameraImage>> grabbed;
   for (int attempt = 1; attempt <= kAttempts; ++attempt) {
     grabbed = rig_->Grab();
@@ -63,7 +68,22 @@ absl::StatusOr<ImageSet> CellCameras::Grab(const std::function<void(const std::s
     set.images.push_back(pixels.clone());
     set.captured = std::min(set.captured, image.captured);
   }
+  RETURN_IF_ERROR(CheckLife(set));
   return set;
+}
+
+absl::Status CellCameras::CheckLife(const ImageSet& set) {
+  const ImageSet before = std::exchange(last_, set);
+  for (size_t v = 0; v < before.images.size(); ++v) {
+    const std::string& name = views_[v].name;
+    if (!noisy_views_.contains(name) || !SameImage(before.images[v], set.images[v])) continue;
+    repeated_ = before.captured;
+    return absl::UnavailableError(absl::StrCat(
+        "the camera of the view '", name, "' is frozen: it repeats an image byte for byte; ",
+        "restart the camera; if its source has no noise (a recording, a simulator, strong "
+        "compression), state 'noise: none' at its view in the cell file"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace silhouette

@@ -159,8 +159,11 @@ absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
     Database& database, const Travel& travel, Robot& robot, CameraRig& rig,
     const CaptureSettings& settings, int count, const CaptureObserver& observer) {
   ASSIGN_OR_RETURN(auto cell_robot, CellRobot::Create(database.cell(), robot));
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), rig));
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), rig, settings.noisy_views));
   ASSIGN_OR_RETURN(const auto snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto history, snapshot.CaptureHistory());
+  const SuspectSpans suspects(history);
+  const bool changed = !history.checks().empty() && !history.checks().rbegin()->alarm().empty();
   SessionParts parts{.database = &database,
                      .travel = &travel,
                      .robot = std::move(cell_robot),
@@ -168,27 +171,26 @@ absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(
                      .references = {},
                      .settings = settings,
                      .segmentation = {}};
-  Visitor visitor(parts, observer.say);
+  Visitor visitor(parts, observer);
   const auto views = static_cast<size_t>(database.cell().views_size());
   std::vector<std::vector<cv::Mat>> images(views);
   std::vector<std::vector<cv::Mat>> covered(views);
   uint64_t done = 0;
   for (const ConfigurationNumber number : SpreadConfigurations(travel, count)) {
-    if (observer.stop_requested()) {
+    absl::StatusOr<Visit> visit = visitor.Go(number);
+    if (!visit.ok()) visitor.StopRobot();
+    if (absl::IsCancelled(visit.status())) {
       return absl::CancelledError("stopped; no reference images were stored");
     }
-    absl::StatusOr<Visit> visit = visitor.Go(number);
-    if (!visit.ok()) {
-      robot.Stop().IgnoreError();
-      return visit.status();
-    }
+    if (!visit.ok()) return visit.status();
     observer.progress(++done);
     if (visit->outcome != Visit::Outcome::kTaken) {
       observer.say(visit->why);
       continue;
     }
     const auto record = snapshot.Find(number);
-    const bool known = record.ok() && *record && !(*record)->excluded;
+    const bool known = !changed && record.ok() && *record && !(*record)->excluded &&
+                       !suspects.Contain((*record)->captured);
     for (size_t v = 0; v < views; ++v) {
       cv::Mat& image = visit->images.images[v];
       covered[v].push_back(known ? CoveredBy((*record)->masks[v], image.size()) : cv::Mat());

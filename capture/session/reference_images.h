@@ -51,7 +51,8 @@ std::vector<ConfigurationNumber> SpreadConfigurations(const Travel& travel, int 
 
 // Drives the robot to `count` such configurations, one image set at each, and makes references of
 // what is seen where the robot is not: where the database has the robot images, by these, with a
-// mask pixel around; else by the median (Reference::FromImagesWithRobot). Errors are those of the
+// mask pixel around; else by the median (Reference::FromImagesWithRobot). Suspect robot images are
+// not used, nor any if the last check of the sentinels found a change. Errors are those of the
 // devices; FailedPrecondition if there are fewer than Reference::kFewestUncovered configurations
 // that the robot reached; Cancelled if a stop was requested.
 absl::StatusOr<storage::v1::References> TakeReferencesWithRobot(

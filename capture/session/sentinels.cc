@@ -371,6 +371,12 @@ absl::Status Sentinels::Suspect(const std::string& why) {
                        [&](storage::v1::CaptureHistory& history) { AddSpan(span, history); });
 }
 
+absl::Status Sentinels::SuspectOne(absl::Time captured, const std::string& why) {
+  return ChangeHistory(*parts_->database, [&](storage::v1::CaptureHistory& history) {
+    *history.add_suspects() = SpanOf(captured - absl::Nanoseconds(1), captured, why);
+  });
+}
+
 absl::Status Sentinels::GoOn() {
   going_on_ = true;
   return Suspect(kNonetheless);

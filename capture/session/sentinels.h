@@ -84,6 +84,9 @@ class Sentinels {
   bool going_on() const { return going_on_; }
   absl::Status EndGoingOn();
 
+  // The robot image that was captured then is suspect, also one that is yet to be written.
+  absl::Status SuspectOne(absl::Time captured, const std::string& why);
+
   // What the last check saw, in a sentence.
   const std::string& summary() const { return summary_; }
 

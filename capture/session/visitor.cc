@@ -55,6 +55,7 @@ absl::StatusOr<Visit> Visitor::Go(ConfigurationNumber number) {
   }
   at_.reset();
   for (const Configuration& place : *route) {
+    if (observer_.stop_requested()) return absl::CancelledError("stopped");
     RETURN_IF_ERROR(MoveTo(place));
   }
   ASSIGN_OR_RETURN(Visit visit, TakeImages(parts_.travel->grid().At(number), NameOf(number)));
@@ -67,6 +68,15 @@ absl::StatusOr<Visit> Visitor::GoStraight(const Configuration& place) {
   at_.reset();
   RETURN_IF_ERROR(MoveTo(place));
   return TakeImages(place, absl::StrCat("configuration (", absl::StrJoin(place, ", "), ")"));
+}
+
+void Visitor::StopRobot() {
+  at_.reset();
+  const absl::Status stopped = parts_.robot.Stop();
+  if (!stopped.ok()) {
+    observer_.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));
+    robot_lost_ = true;
+  }
 }
 
 absl::StatusOr<Visit> Visitor::TakeImages(const Configuration& place, const std::string& name) {
@@ -92,13 +102,12 @@ absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::strin
   visit.measured = std::move(measured);
   visit.deviation = parts_.robot.Deviation(commanded, visit.measured);
   if (visit.deviation > tolerance) return Missed(name, commanded, visit.measured);
-  absl::StatusOr<ImageSet> images = parts_.cameras.Grab(say_);
+  absl::StatusOr<ImageSet> images = parts_.cameras.Grab(observer_.say);
   if (absl::IsDeadlineExceeded(images.status())) {
     return absl::UnavailableError(images.status().message());
   }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
-  RETURN_IF_ERROR(CheckLife(visit.images));
   ASSIGN_OR_RETURN(const std::vector<double> after, Measure());
   const double moved = parts_.robot.Deviation(visit.measured, after);
   if (moved > tolerance) {
@@ -117,19 +126,6 @@ absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::strin
   visit.earlier = std::exchange(alike_, {});
   visit.outcome = Visit::Outcome::kTaken;
   return visit;
-}
-
-absl::Status Visitor::CheckLife(const ImageSet& images) {
-  const std::vector<cv::Mat> before = std::exchange(last_, images.images);
-  for (size_t v = 0; v < before.size(); ++v) {
-    const std::string& name = parts_.database->cell().views(static_cast<int>(v)).name();
-    if (!parts_.settings.noisy_views.contains(name) || !SameImage(before[v], last_[v])) continue;
-    return absl::UnavailableError(absl::StrCat(
-        "the camera of the view '", name, "' is frozen: it repeats an image byte for byte; ",
-        "restart the camera; if its source has no noise (a recording, a simulator, strong "
-        "compression), state 'noise: none' at its view in the cell file"));
-  }
-  return absl::OkStatus();
 }
 
 std::optional<std::string> Visitor::ChangedView(const ImageSet& images) {

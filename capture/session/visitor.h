@@ -3,17 +3,16 @@
 // images.
 #pragma once
 
-#include <functional>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "calib/robot/drawing/drawn_robot.h"
 #include "capture/segmentation/reference.h"
 #include "capture/segmentation/settings.h"
+#include "capture/session/capture_observer.h"
 #include "capture/session/capture_settings.h"
 #include "capture/session/cell_cameras.h"
 #include "capture/session/cell_robot.h"
@@ -63,19 +62,24 @@ std::vector<Mask> RobotMasks(const SessionParts& parts, const Visit& visit);
 
 class Visitor {
  public:
-  // `parts` must outlive it; images that are asked for again are reported to `say`.
-  Visitor(SessionParts& parts, std::function<void(const std::string&)> say)
-      : parts_(parts), say_(std::move(say)) {}
+  // Both must outlive it; images that are asked for again are reported to `observer`.
+  Visitor(SessionParts& parts, const CaptureObserver& observer)
+      : parts_(parts), observer_(observer) {}
 
   // An error is a device's, or says that the robot stands where it must not, or moved when it
   // should stand; the robot may be anywhere then, and the next visit begins with asking it.
   // Unavailable: a device is lost, and may come back; so is a camera that repeats an image.
+  // Cancelled: a stop was requested before a move; the robot stands still.
   absl::StatusOr<Visit> Go(ConfigurationNumber number);
 
   // The same straight to a place that need not be in the grid, whatever is in the way.
   absl::StatusOr<Visit> GoStraight(const Configuration& place);
 
-  // Whether Go() ended the last time because the robot was lost.
+  // Tells the robot to stop, and reports if that fails. Somebody may move the robot by hand then:
+  // the next visit begins with asking it where it is.
+  void StopRobot();
+
+  // Whether Go() ended the last time because the robot was lost, or it could not be stopped since.
   bool robot_lost() const { return robot_lost_; }
 
  private:
@@ -87,8 +91,6 @@ class Visitor {
   // Measures, takes one set of images, measures. Without `why` unless kTaken: all is well, but more
   // sets are needed.
   absl::StatusOr<Visit> Look(const Configuration& place, const std::string& name);
-  // Unavailable: an image of a view that has noise is the one before.
-  absl::Status CheckLife(const ImageSet& images);
   // A view whose image is not that of the set before. Adds the set to those that are alike.
   std::optional<std::string> ChangedView(const ImageSet& images);
   // The joints are not where they were commanded.
@@ -96,12 +98,10 @@ class Visitor {
                const std::vector<double>& measured);
 
   SessionParts& parts_;
-  const std::function<void(const std::string&)> say_;
+  const CaptureObserver& observer_;
   // Where the robot stands; nothing if that is not known for sure.
   std::optional<ConfigurationNumber> at_;
   bool robot_lost_ = false;
-  // The last set of images, of whatever configuration.
-  std::vector<cv::Mat> last_;
   // The last sets of images that were alike, oldest first.
   std::vector<std::vector<cv::Mat>> alike_;
 };

@@ -197,7 +197,6 @@ std::string AlwaysNarrowText(const ModelSampler& sampler, std::span<const std::s
 
 namespace {
 
-// Drives, and stops the robot if it cannot go on.
 class SampleDrive {
  public:
   SampleDrive(SessionParts& parts, ModelSampler& sampler, std::span<const std::string> link_names,
@@ -207,12 +206,14 @@ class SampleDrive {
         link_names_(link_names),
         kept_(kept),
         writer_(writer),
-        visitor_(parts, observer.say),
+        visitor_(parts, observer),
         observer_(observer) {}
 
+  // An error stops the robot.
   absl::Status Go(size_t count, std::vector<ModelSample>& samples);
 
  private:
+  absl::Status Drive(size_t count, std::vector<ModelSample>& samples);
   absl::Status VisitOne(const Configuration& place, std::vector<ModelSample>& samples);
   // AlreadyExists: what is kept has the grid value.
   absl::Status Keep(const Configuration& place, const Visit& visit, const std::vector<Mask>& masks);
@@ -264,6 +265,12 @@ absl::Status SampleDrive::NoWayFrom(const Configuration& here) {
 }
 
 absl::Status SampleDrive::Go(size_t count, std::vector<ModelSample>& samples) {
+  absl::Status status = Drive(count, samples);
+  if (!status.ok()) visitor_.StopRobot();
+  return status;
+}
+
+absl::Status SampleDrive::Drive(size_t count, std::vector<ModelSample>& samples) {
   if (samples.size() >= count) return absl::OkStatus();
   if (std::string always = AlwaysNarrowText(sampler_, link_names_); !always.empty()) {
     return absl::FailedPreconditionError(always);
@@ -318,14 +325,7 @@ absl::Status TakeSamples(SessionParts& parts, ModelSampler& sampler,
                          const std::string& program, Database& kept,
                          std::vector<ModelSample>& samples, const CaptureObserver& observer) {
   ASSIGN_OR_RETURN(RobotImageWriter writer, kept.Write(program, absl::ZeroDuration()));
-  absl::Status status =
-      SampleDrive(parts, sampler, link_names, kept, writer, observer).Go(count, samples);
-  if (status.ok()) return status;
-  const absl::Status stopped = parts.robot.Stop();
-  if (!stopped.ok()) {
-    observer.say(absl::StrCat("the stop command to the robot failed: ", stopped.message()));
-  }
-  return status;
+  return SampleDrive(parts, sampler, link_names, kept, writer, observer).Go(count, samples);
 }
 
 }  // namespace silhouette

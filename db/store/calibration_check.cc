@@ -77,11 +77,12 @@ absl::Status CheckTags(const storage::v1::CalibrationRecord& record,
     if (tag.view() < 0 || tag.view() >= cell.views_size()) {
       return absl::InvalidArgumentError("a fixed tag is not of one of the views");
     }
-    if (tag.corners_size() != 8 || !AllFinite(tag.corners()) || !(tag.sigma() > 0) ||
-        !std::isfinite(tag.sigma())) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("view '", cell.views(tag.view()).name(), "', fixed tag ", tag.tag(),
-                       ": a tag has four finite corners, and a sigma that is positive"));
+    if ((tag.corners_size() != 8 && tag.corners_size() != 2) || !AllFinite(tag.corners()) ||
+        !(tag.sigma() > 0) || !std::isfinite(tag.sigma())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "view '", cell.views(tag.view()).name(), "', fixed tag ", tag.tag(),
+          ": a tag has four finite corners, a corner of a chessboard is one, and sigma "
+          "is positive"));
     }
   }
   return absl::OkStatus();

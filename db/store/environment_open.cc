@@ -145,7 +145,11 @@ absl::StatusOr<unsigned> Environment::ChooseFlags() {
     if (!IsPermission(errno))
       return LmdbError(errno, EnvironmentOpenLockPath(folder_) + " cannot be opened");
     read_only_ = true;
-    ASSIGN_OR_RETURN(const int guard, WriterLock::KeepWritersOut(folder_));
+    ASSIGN_OR_RETURN(const int guard,
+                     WriterLock::KeepWritersOut(
+                         folder_, absl::StrCat(", and without permission to write '",
+                                               schema::kLockFile, "' it cannot be read meanwhile; ",
+                                               "wait, or get that permission")));
     readers_guard_ = guard;
     return flags | MDB_RDONLY | MDB_NOLOCK;
   }

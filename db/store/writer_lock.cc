@@ -49,7 +49,7 @@ absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
   return lock;
 }
 
-absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder) {
+absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder, const std::string& mend) {
   const int file = open(WriterLockLockPath(folder).c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0 && errno == ENOENT) return -1;
   if (file < 0)
@@ -57,9 +57,8 @@ absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder) {
   if (flock(file, LOCK_SH | LOCK_NB) != 0) {
     const std::string holder = Holder(file);
     close(file);
-    return absl::FailedPreconditionError(absl::StrCat(
-        "database '", folder, "': ", holder, " is writing to it, and without permission to write '",
-        schema::kLockFile, "' it cannot be read meanwhile; wait, or get that permission"));
+    return absl::FailedPreconditionError(
+        absl::StrCat("database '", folder, "': ", holder, " is writing to it", mend));
   }
   return file;
 }
@@ -76,7 +75,10 @@ bool ReadersKeepWritersOut(const std::string& folder) {
 WriterLock::WriterLock(WriterLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
 
 WriterLock::~WriterLock() {
-  if (file_ >= 0) close(file_);
+  if (file_ < 0) return;
+  // Readers that keep writers out do not name themselves.
+  [[maybe_unused]] const int cut = ftruncate(file_, 0);
+  close(file_);
 }
 
 }  // namespace silhouette

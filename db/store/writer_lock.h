@@ -15,10 +15,10 @@ class WriterLock {
   // ResourceExhausted if the disk is full.
   static absl::StatusOr<WriterLock> Take(const std::string& folder);
 
-  // For a reader that cannot register itself with LMDB: keeps every writer out while the returned
-  // file is open (-1: there is no lock file, so the database was never written).
-  // FailedPrecondition if a process is writing.
-  static absl::StatusOr<int> KeepWritersOut(const std::string& folder);
+  // For a reader: keeps every writer out while the returned file is open (-1: there is no lock
+  // file, so the database was never written). FailedPrecondition if a process is writing; `mend`
+  // ends that message.
+  static absl::StatusOr<int> KeepWritersOut(const std::string& folder, const std::string& mend);
 
   WriterLock(WriterLock&& other) noexcept;
   WriterLock& operator=(WriterLock&&) = delete;

@@ -3,10 +3,12 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <semaphore.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -17,6 +19,8 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -35,6 +39,10 @@ constexpr char kVersion[] = SILHOUETTE_VERSION;
 constexpr char kSizeType[] = "SIZE";  // of what ByteSize takes, a number with a unit
 
 volatile std::sig_atomic_t stop_requested = 0;
+// Of HaltOnSignals.
+std::atomic<bool> halts = false;  // there is one
+std::atomic<int> end_signal = 0;  // what ends the process once it has halted
+sem_t halt_asked;
 
 // What OnLostPage writes: made before, because a handler may not allocate.
 std::string lost_page_sentence;
@@ -50,12 +58,20 @@ void OnLostPage(int signal, siginfo_t* info, void*) {
   _exit(kWorldFailed);
 }
 
+void EndBySignal(int signal) {
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
 void OnStopSignal(int signal) {
-  if (stop_requested != 0) {
-    std::signal(signal, SIG_DFL);
-    std::raise(signal);
-  }
+  const bool ends = stop_requested != 0 || signal == SIGHUP;
   stop_requested = 1;
+  if (!ends) return;
+  // A terminal that is closed may send SIGHUP twice.
+  const bool halting = end_signal != 0;
+  if (!halts || (halting && signal != SIGHUP)) return EndBySignal(signal);
+  end_signal = signal;
+  sem_post(&halt_asked);
 }
 
 // What is wrong with a word that stands where a subcommand is expected; empty if none does.
@@ -282,8 +298,29 @@ void CatchStopSignals() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction hang_up {};
+  sigaction(SIGHUP, nullptr, &hang_up);
+  if (hang_up.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);
 }
 
 bool StopRequested() { return stop_requested != 0; }
+
+HaltOnSignals::HaltOnSignals(std::function<void()> halt) {
+  sem_init(&halt_asked, /*pshared=*/0, 0);
+  thread_ = std::thread([halt = std::move(halt)] {
+    while (sem_wait(&halt_asked) != 0) {  // a signal interrupts it
+    }
+    if (end_signal == 0) return;
+    halt();
+    EndBySignal(end_signal);
+  });
+  halts = true;
+}
+
+HaltOnSignals::~HaltOnSignals() {
+  halts = false;
+  sem_post(&halt_asked);
+  thread_.join();
+}
 
 }  // namespace silhouette

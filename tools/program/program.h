@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <string>
+#include <thread>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -66,5 +67,19 @@ void AddFormatOption(CLI::App& command, std::string& format);
 void CatchStopSignals();
 // Whether such a signal came.
 bool StopRequested();
+
+// While it lives, what ends the process first calls `halt`, in a thread of its own: the second stop
+// signal, and SIGHUP (the terminal was closed) unless it is ignored. Meanwhile another stop signal
+// ends the process at once. One at a time, after CatchStopSignals().
+class HaltOnSignals {
+ public:
+  explicit HaltOnSignals(std::function<void()> halt);
+  ~HaltOnSignals();
+  HaltOnSignals(const HaltOnSignals&) = delete;
+  HaltOnSignals& operator=(const HaltOnSignals&) = delete;
+
+ private:
+  std::thread thread_;
+};
 
 }  // namespace silhouette

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -19,6 +20,7 @@
 #include "calib/robot/drawn_cell.h"
 #include "calib/robot/robot_model.h"
 #include "capture/devices/camera_set.h"
+#include "capture/devices/camera_settings.h"
 #include "capture/verification/samples.h"
 #include "capture/verification/verified_robot.h"
 #include "common/result/result.h"
@@ -88,6 +90,22 @@ Findings OfLimits(const Cell& cell) {
              joint.lower, joint.upper, (joint.upper - joint.lower) / kTurn,
              degrees ? "they look like degrees:" : "if they are degrees,", joint.name, joint.lower,
              joint.upper)});
+  }
+  return findings;
+}
+
+// Of views whose cameras keep an exposure of their own.
+Findings OfExposures(const Cell& cell) {
+  Findings findings;
+  for (const ViewSettings& view : cell.views) {
+    const auto* genicam = std::get_if<GenicamSource>(&view.source);
+    const auto* v4l2 = std::get_if<V4l2Source>(&view.source);
+    if ((!genicam || genicam->exposure) && (!v4l2 || v4l2->exposure)) continue;
+    findings.push_back({.what = "view " + view.name,
+                        .good = true,
+                        .text = "its source states no exposure: after a power failure the camera "
+                                "may have another; state 'exposure' and 'gain'",
+                        .doubtful = true});
   }
   return findings;
 }
@@ -300,6 +318,7 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
     findings.insert(findings.end(), more.begin(), more.end());
   };
   add(OfLimits(file.cell));
+  add(OfExposures(file.cell));
   add(OfDrawnImages(file));
   add(OfWorkspace(file.cell));
   for (const std::string& doubt : Doubts(file.cell)) {

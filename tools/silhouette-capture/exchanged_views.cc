@@ -46,7 +46,7 @@ absl::StatusOr<std::vector<std::string>> ExchangedViews(const Cell& cell, const 
                    ExpectedRobotOf(cell, database, sizes, "whether views are exchanged"));
   if (!expected) return sentences;
   ASSIGN_OR_RETURN(CellRobot cell_robot, CellRobot::Create(database.cell(), robot));
-  ASSIGN_OR_RETURN(CellCameras cell_cameras, CellCameras::Create(database.cell(), cameras));
+  ASSIGN_OR_RETURN(CellCameras cell_cameras, CellCameras::Create(database.cell(), cameras, {}));
   ASSIGN_OR_RETURN(const std::vector<double> joints, cell_robot.Measure());
   ASSIGN_OR_RETURN(const ImageSet set, cell_cameras.Grab([](const std::string&) {}));
   const std::vector<Mask> drawn = expected->Touched(joints);

@@ -159,7 +159,9 @@ absl::StatusOr<std::map<std::string, std::string>> Sources(const InitOptions& op
     }
     std::string source = parts.second;
     if (source.starts_with("/dev/")) source = "{v4l2: " + YamlText(source) + "}";
-    if (source.starts_with("rtsp://")) source = "{rtsp: " + YamlText(source) + "}";
+    if (source.starts_with("rtsp://") || source.starts_with("rtsps://")) {
+      source = "{rtsp: " + YamlText(source) + "}";
+    }
     if (!sources.emplace(parts.first, source).second) {
       return InvalidArgument("--view ", parts.first, " stands twice; each view has its own name");
     }

@@ -6,6 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "calib/files/calibration_message.h"
+#include "capture/verification/verified_robot.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/segmentation_text.h"
 #include "tools/program/for_shell.h"
@@ -96,6 +98,21 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFil
 bool HasCameraModels(const Snapshot& snapshot) {
   const auto stored = snapshot.Calibration();
   return stored.ok() && *stored && (*stored)->cameras_size() > 0;
+}
+
+bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot& snapshot) {
+  const auto verification = snapshot.Verification();
+  const auto stored = snapshot.Calibration();
+  if (!verification.ok() || !*verification || !stored.ok() || !*stored) return false;
+  const auto drawn = DrawnCellOf(cell);
+  if (!drawn.ok() || !*drawn) return false;
+  const auto calibration = CalibrationFrom(**stored);
+  if (!calibration.ok()) return false;
+  auto bare = BareRobotOf(**drawn, database, *calibration, cell.calibration.margin);
+  if (!bare.ok()) return false;
+  const auto robot =
+      VerifiedRobotOf(**drawn, *std::move(bare), database.grid().joints(), *verification);
+  return robot.ok() && robot->unverified.empty();
 }
 
 std::string ImportCamerasCommand(const CellFile& file) {

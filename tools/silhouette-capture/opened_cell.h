@@ -55,6 +55,9 @@ absl::StatusOr<std::unique_ptr<Database>> OpenDatabaseOfOtherMasks(const CellFil
 // Whether a calibration with camera models is stored; one that is damaged counts as none.
 bool HasCameraModels(const Snapshot& snapshot);
 
+// Whether the database has a verification, and of this model.
+bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot& snapshot);
+
 // The command that imports the camera models of the folder CAMERAS, to be typed into a shell.
 std::string ImportCamerasCommand(const CellFile& file);
 

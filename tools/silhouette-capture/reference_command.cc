@@ -11,15 +11,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "calib/files/calibration_message.h"
 #include "capture/session/reference_images.h"
-#include "capture/verification/verified_robot.h"
 #include "common/picture/picture.h"
 #include "common/picture/sheet.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "db/store/schema.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/devices/stop_command.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
@@ -67,21 +66,6 @@ std::string RemarksOn(const Reference& reference) {
   return remarks;
 }
 
-// Whether the database has a verification, and of this model.
-bool HasVerifiedModel(const Cell& cell, const Database& database, const Snapshot& snapshot) {
-  const auto drawn = DrawnCellOf(cell);
-  const auto verification = snapshot.Verification();
-  const auto stored = snapshot.Calibration();
-  if (!drawn.ok() || !*drawn || !verification.ok() || !stored.ok() || !*stored) return false;
-  const auto calibration = CalibrationFrom(**stored);
-  if (!calibration.ok()) return false;
-  auto bare = BareRobotOf(**drawn, database, *calibration, cell.calibration.margin);
-  if (!bare.ok()) return false;
-  const auto robot =
-      VerifiedRobotOf(**drawn, *std::move(bare), database.grid().joints(), *verification);
-  return robot.ok() && robot->unverified.empty();
-}
-
 // What is to be done next: no run captures what is drawn, and a model that is verified stays so.
 std::string NextCommand(const CellArguments& arguments, const CellFile& file,
                         const Database& database, const Snapshot& snapshot) {
@@ -90,13 +74,13 @@ std::string NextCommand(const CellArguments& arguments, const CellFile& file,
   return HasVerifiedModel(file.cell, database, snapshot) ? "" : arguments.Command("verify-model");
 }
 
-// `not_looked_for`: what may be in the images unnoticed; empty: nothing.
-std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
+// `images`: taken of each view. `not_looked_for`: what may be in them unnoticed; empty: nothing.
+std::string ReferenceText(const CellArguments& arguments, const CellFile& file, int images,
                           uint64_t robot_images, const std::string& next,
                           const std::vector<Reference>& references,
                           const std::string& not_looked_for) {
-  std::string text = absl::StrFormat("reference images in %s: %d per view\n", file.database,
-                                     file.cell.capture.reference_images);
+  std::string text =
+      absl::StrFormat("reference images in %s: %d per view\n", file.database, images);
   text += "view                  image       noise, grey levels\n";
   for (size_t v = 0; v < references.size(); ++v) {
     const cv::Size size = references[v].size();
@@ -122,11 +106,11 @@ std::string ReferenceText(const CellArguments& arguments, const CellFile& file,
   return absl::StrCat(text, "next: ", next, "\n");
 }
 
-nlohmann::ordered_json ReferenceJson(const CellFile& file, const std::string& next,
+nlohmann::ordered_json ReferenceJson(const CellFile& file, int images, const std::string& next,
                                      const std::vector<Reference>& references,
                                      const std::string& not_looked_for) {
   nlohmann::ordered_json json = {{"database", file.database},
-                                 {"images", file.cell.capture.reference_images},
+                                 {"images", images},
                                  {"views", nlohmann::ordered_json::array()},
                                  {"not_looked_for", not_looked_for},
                                  {"next", next}};
@@ -242,10 +226,14 @@ absl::StatusOr<storage::v1::References> TakeSets(const CellFile& file, Database&
   observer.progress = [&](uint64_t done) { progress->Update(done); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *devices.cameras));
-  return travel ? TakeReferencesWithRobot(database, *travel, *devices.robot, *devices.cameras,
-                                          file.cell.capture, count, observer)
-                : TakeReferences(cameras, count, observer, &moved);
+  if (travel) {
+    const HaltOnSignals halt(StopCommandTo(*devices.robot));
+    return TakeReferencesWithRobot(database, *travel, *devices.robot, *devices.cameras,
+                                   file.cell.capture, count, observer);
+  }
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(database.cell(), *devices.cameras,
+                                                     file.cell.capture.noisy_views));
+  return TakeReferences(cameras, count, observer, &moved);
 }
 
 absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
@@ -278,8 +266,10 @@ absl::StatusOr<ExitCode> ReferenceRun(const ReferenceArguments& options) {
   RETURN_IF_ERROR(database->SetReferences(*taken, kReferenceProgram));
   ASSIGN_OR_RETURN(const auto references, ReadReferences(*database));
   const std::string next = NextCommand(arguments, file, *database, snapshot);
-  PrintResult(arguments.format, ReferenceJson(file, next, references, not_looked_for),
-              ReferenceText(arguments, file, snapshot.size(), next, references, not_looked_for));
+  const int images = taken->views(0).images();
+  PrintResult(
+      arguments.format, ReferenceJson(file, images, next, references, not_looked_for),
+      ReferenceText(arguments, file, images, snapshot.size(), next, references, not_looked_for));
   return kDone;
 }
 

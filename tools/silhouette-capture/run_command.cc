@@ -12,6 +12,7 @@
 #include "db/status/status_macros.h"
 #include "db/store/collision_index.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/devices/stop_command.h"
 #include "tools/cell/expected_robot.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
@@ -91,9 +92,10 @@ void WriteEnd(const CaptureReport& report, SessionLog& log) {
   log.Write(end);
 }
 
-CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& plan,
+CaptureReport CaptureWithProgress(CaptureSession& session, const CapturePlan& plan, Robot& robot,
                                   SessionLog& log) {
   CatchStopSignals();
+  const HaltOnSignals halt(StopCommandTo(robot));
   RunObserver observer(plan.captures.size(), log);
   return session.Run(plan, "silhouette-capture run", observer.Observer());
 }
@@ -127,8 +129,9 @@ ExitCode TellIndex(const absl::StatusOr<IndexBuildReport>& index, const std::str
 void TellSuspects(const RunOptions& options, const CaptureReport& report) {
   if (report.suspect == 0) return;
   std::cerr << report.suspect
-            << " robot images are suspect: the cell may have changed, or 'run --only all' did not "
-               "recapture them; a server calls them unknown; when the cell is as it should be, "
+            << " robot images are suspect: the cell may have changed, a camera was frozen, or 'run "
+               "--only all' did not recapture them; a server calls them unknown; when the cell is "
+               "as it should be, "
                "recapture them with: "
             << options.cell.Command("run") << " --only suspect" << std::endl;
 }
@@ -137,10 +140,11 @@ void TellSuspects(const RunOptions& options, const CaptureReport& report) {
 std::string GoOnCommand(const RunOptions& options, const CaptureReport& report) {
   const std::string run = options.cell.Command("run");
   const std::string& only = options.plan.only;
-  if (only == "missing") return run;
   // What it did not come to is suspect or missing.
   if (only == "all" && report.captured > 0) return run + " --only suspect";
-  return absl::StrCat(run, " --only ", only);
+  const bool new_sentinels = options.plan.new_sentinels && report.new_sentinels_left;
+  return absl::StrCat(run, only == "missing" ? "" : " --only " + only,
+                      new_sentinels ? " --new-sentinels" : "");
 }
 
 ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
@@ -164,9 +168,11 @@ ExitCode TellAlarm(const RunOptions& options, const CaptureReport& report) {
 ExitCode Tell(const RunOptions& options, const std::string& database, const CaptureReport& report,
               const SessionLog& log, const std::optional<absl::StatusOr<IndexBuildReport>>& index) {
   const std::string again = GoOnCommand(options, report);
+  // The first look refused all of it, or nothing began.
+  const bool refused = report.captured == 0 && absl::IsFailedPrecondition(report.status);
   if (options.cell.json()) {
     nlohmann::json json = ReportJson(report);
-    if (!report.complete()) json["next"] = again;
+    if (!report.complete() && !refused) json["next"] = again;
     if (report.suspect > 0) json["repair"] = options.cell.Command("run") + " --only suspect";
     json["log"] = log.file();
     if (index && index->ok()) json["collision_index"] = IndexJson(**index);
@@ -180,7 +186,9 @@ ExitCode Tell(const RunOptions& options, const std::string& database, const Capt
   const uint64_t left = report.planned - report.captured;
   if (!report.status.ok()) {
     const ExitCode code = Report("silhouette-capture", report.status);
-    std::cerr << "what was captured is stored; go on with: " << again << std::endl;
+    if (!refused) {
+      std::cerr << "what was captured is stored; go on with: " << again << std::endl;
+    }
     return code;
   }
   if (!report.alarm.empty()) return TellAlarm(options, report);
@@ -273,7 +281,7 @@ absl::StatusOr<ExitCode> RunHere(const RunOptions& options) {
               << "': the robot must carry the tool and the part of this variant, and nothing else"
               << std::endl;
   }
-  const CaptureReport report = CaptureWithProgress(*session, plan, log);
+  const CaptureReport report = CaptureWithProgress(*session, plan, *devices.robot, log);
   WriteEnd(report, log);
   const auto index = RunBuildIndex(options, report, **database);
   const ExitCode code = Tell(options, file.database, report, log, index);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette-capture/session_log.h"
 
-#include <poll.h>
 #include <spdlog/logger.h>
 #include <spdlog/sinks/basic_file_sink.h>
 #include <unistd.h>
@@ -16,6 +15,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "capture/drivers/robots/manual_robot.h"
 #include "common/log/log_lines.h"
 #include "tools/program/program.h"
 #include "tools/program/progress.h"
@@ -66,27 +66,17 @@ void SessionLog::WriteProgress(uint64_t done, uint64_t total, absl::Time begin) 
 
 namespace {
 
-// Waits until somebody has typed a line, or wants to stop: then false.
-bool Typed() {
-  constexpr int kMilliseconds = 100;
-  pollfd terminal{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
-  while (!StopRequested()) {
-    if (poll(&terminal, 1, kMilliseconds) > 0) return true;
-  }
-  return false;
-}
-
 // Which of `answers` the operator gives at the terminal; empty: the operator ends the session, or
 // there is no terminal.
 std::string Ask(const std::string& question, const std::vector<std::string>& answers) {
   if (isatty(STDIN_FILENO) == 0 || isatty(STDERR_FILENO) == 0) return "";
-  std::string answer;
+  const Operator person = OperatorAtTerminal();
   while (!StopRequested()) {
-    std::cerr << "\n"
-              << question << "  e  end the session; what was captured is stored\n"
-              << absl::StrJoin(answers, ", ") << " or e: " << std::flush;
-    if (!Typed() || !std::getline(std::cin, answer) || answer == "e") break;
-    if (std::ranges::find(answers, answer) != answers.end()) return answer;
+    const absl::StatusOr<std::string> answer = person.ask(
+        absl::StrCat("\n", question, "  e  end the session; what was captured is stored\n",
+                     absl::StrJoin(answers, ", "), " or e: "));
+    if (!answer.ok() || *answer == "e") break;
+    if (std::ranges::find(answers, *answer) != answers.end()) return *answer;
   }
   return "";
 }
@@ -137,11 +127,11 @@ AfterAlarm RunObserver::AskAfterAlarm(const std::string& why) {
 
 bool RunObserver::AskWhetherRobotMayMove() {
   Say("the robot is back, and stands still until somebody says that it may move");
-  const std::string answer = Ask(
-      "The robot was lost and is back. See that nobody is with it: it begins to move as soon as\n"
-      "you answer.\n"
-      "  g  go on\n",
-      {"g"});
+  const std::string answer =
+      Ask("The robot was lost, or a stop command did not reach it. See that nobody is with it: it\n"
+          "begins to move as soon as you answer.\n"
+          "  g  go on\n",
+          {"g"});
   if (answer == "g") log_.Write("somebody says: the robot may move");
   return answer == "g";
 }

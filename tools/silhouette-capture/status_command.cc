@@ -18,7 +18,7 @@ namespace {
 struct Status {
   bool database = false;
   bool drawn = false;          // no robot image is captured
-  bool verified = false;       // the model that they are drawn from
+  bool verified = false;       // the model that they are drawn from, as it is now
   bool cameras = false;        // a view has one; else masks are imported
   bool camera_models = false;  // a calibration with them is stored
   int references = 0;          // images per view that they were made from; 0: none
@@ -52,8 +52,7 @@ absl::StatusOr<Status> Look(const CellFile& file) {
   ASSIGN_OR_RETURN(const auto snapshot, (*database)->Read());
   ASSIGN_OR_RETURN(const auto references, snapshot.References());
   if (references.has_value()) status.references = std::max(1, references->views(0).images());
-  ASSIGN_OR_RETURN(const auto verification, snapshot.Verification());
-  status.verified = verification.has_value();
+  status.verified = HasVerifiedModel(file.cell, **database, snapshot);
   status.camera_models = HasCameraModels(snapshot);
   if (no_variant) return status;
   ASSIGN_OR_RETURN(status.variant, FactsOf(**database));

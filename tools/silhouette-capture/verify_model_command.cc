@@ -26,6 +26,7 @@
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/devices/stop_command.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
 #include "tools/silhouette-capture/opened_cell.h"
@@ -126,7 +127,8 @@ absl::Status DriveToSamples(const VerifyModelOptions& options, const CellFile& f
   ASSIGN_OR_RETURN(const auto devices, OpenDevices(file.cell, travel, file.variant));
   const storage::v1::CellDescription& cell = model.database->cell();
   ASSIGN_OR_RETURN(CellRobot robot, CellRobot::Create(cell, *devices.robot));
-  ASSIGN_OR_RETURN(CellCameras cameras, CellCameras::Create(cell, *devices.cameras));
+  ASSIGN_OR_RETURN(CellCameras cameras,
+                   CellCameras::Create(cell, *devices.cameras, file.cell.capture.noisy_views));
   absl::StatusOr<std::vector<Reference>> references = ReadReferences(*model.database);
   if (absl::IsNotFound(references.status())) {
     return absl::NotFoundError(
@@ -155,6 +157,7 @@ absl::Status DriveToSamples(const VerifyModelOptions& options, const CellFile& f
   observer.progress = [&](uint64_t done) { progress->Update(done, before); };
   observer.say = [&](const std::string& line) { progress->Say(line); };
   observer.stop_requested = StopRequested;
+  const HaltOnSignals halt(StopCommandTo(*devices.robot));
   const absl::Status status = TakeSamples(parts, sampler, model.links, options.sample,
                                           kVerifyModelProgram, *kept, samples, observer);
   kept.reset();

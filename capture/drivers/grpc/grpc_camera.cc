@@ -34,7 +34,8 @@ std::chrono::system_clock::time_point Within(absl::Duration time) {
   return absl::ToChronoTime(absl::Now() + time);
 }
 
-// When an image of a call from `begin` to `end` was taken.
+// When an image of a call from `begin` to `end` was taken. DataLoss: before the call, so that the
+// next image may be a new one. FailedPrecondition: after it, which no image is.
 absl::StatusOr<absl::Time> CaptureTime(const v1::DriverImage& image, absl::Time begin,
                                        absl::Time end) {
   if (!image.has_capture_time()) return begin;
@@ -42,10 +43,15 @@ absl::StatusOr<absl::Time> CaptureTime(const v1::DriverImage& image, absl::Time 
       google::protobuf::util::TimeUtil::TimestampToNanoseconds(image.capture_time()));
   if (said < begin - kClockTolerance || said > end + kClockTolerance) {
     const bool before = said < begin;
-    return absl::FailedPreconditionError(absl::StrCat(
-        "an image says that it was taken ", SpokenTime(before ? begin - said : said - end),
-        before ? " before it was asked for" : " after it came",
-        "; it is an old one, or the clocks of the two machines differ"));
+    const std::string told = absl::StrCat("an image says that it was taken ",
+                                          SpokenTime(before ? begin - said : said - end));
+    if (!before) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(told, " after it came; the clocks of the two machines differ"));
+    }
+    return absl::DataLossError(
+        absl::StrCat(told, " before it was asked for; it is an old one, or the clocks of the two ",
+                     "machines differ"));
   }
   return std::clamp(said, begin, end);
 }

@@ -112,7 +112,12 @@ class GrpcRobotLink : public ControllerLink {
       current = move_ == call;
       if (current) move_.reset();
     }
-    if (current && !status.ok()) observer_.failed(GrpcRobotLinkStatusOf(settings_.address, status));
+    if (current && !status.ok()) {
+      absl::Status failed = GrpcRobotLinkStatusOf(settings_.address, status);
+      // The robot is not ready, which is no mistake of the program's user.
+      if (absl::IsFailedPrecondition(failed)) failed = absl::AbortedError(failed.message());
+      observer_.failed(failed);
+    }
     const std::lock_guard lock(mutex_);
     --calls_;
     changed_.notify_all();

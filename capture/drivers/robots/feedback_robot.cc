@@ -18,6 +18,10 @@ namespace {
 
 constexpr std::chrono::milliseconds kTick{10};
 
+std::string SpokenSilence(absl::Duration silence) {
+  return SpokenTime(absl::Trunc(silence, absl::Milliseconds(10)));
+}
+
 }  // namespace
 
 FeedbackRobot::FeedbackRobot(std::unique_ptr<ControllerLink> link, const MotionLimits& limits)
@@ -65,10 +69,12 @@ absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
 void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   const std::lock_guard lock(mutex_);
   const absl::Duration now = RunningNow();
-  if (newest_ && !silence_told_ && now - newest_time_ > limits_.silence) {
-    untold_gap_ = now - newest_time_;
+  if (newest_ && !loss_told_ && untold_loss_.ok() && now - newest_time_ > limits_.silence) {
+    untold_loss_ = absl::UnavailableError(
+        absl::StrCat("the connection to the robot was lost: it did not report its position for ",
+                     SpokenSilence(now - newest_time_)));
   }
-  silence_told_ = false;
+  loss_told_ = false;
   newest_ = feedback;
   newest_time_ = now;
   link_failure_ = absl::OkStatus();
@@ -88,7 +94,14 @@ void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
 void FeedbackRobot::OnFailure(const absl::Status& why) {
   const std::lock_guard lock(mutex_);
   link_failure_ = why;
-  if (move_ && move_failure_.ok()) move_failure_ = why;
+  const bool lost = absl::IsUnavailable(why);
+  if (move_) {
+    if (move_failure_.ok()) move_failure_ = why;
+    loss_told_ = loss_told_ || lost;  // MoveTo() does
+  } else if (lost && newest_ && !loss_told_ && untold_loss_.ok()) {
+    untold_loss_ = absl::UnavailableError(
+        absl::StrCat("the connection to the robot was lost for a moment: ", why.message()));
+  }
   changed_.notify_all();
 }
 
@@ -109,21 +122,16 @@ void FeedbackRobot::StopWhenAlarmed() {
 }
 
 absl::Status FeedbackRobot::Silence(absl::Duration now) {
-  const auto spoken = [](absl::Duration silence) {
-    return SpokenTime(absl::Trunc(silence, absl::Milliseconds(10)));
-  };
   const bool silent = now - newest_time_ > limits_.silence;
-  silence_told_ = silence_told_ || silent;
+  loss_told_ = loss_told_ || silent || !link_failure_.ok();
+  const absl::Status past = std::exchange(untold_loss_, absl::OkStatus());
   if (!link_failure_.ok()) return link_failure_;
   if (silent) {
     return absl::UnavailableError(absl::StrCat("the robot has not reported its position for ",
-                                               spoken(now - newest_time_),
+                                               SpokenSilence(now - newest_time_),
                                                "; the connection to it is lost"));
   }
-  const absl::Duration gap = std::exchange(untold_gap_, absl::ZeroDuration());
-  if (gap == absl::ZeroDuration()) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(
-      "the connection to the robot was lost: it did not report its position for ", spoken(gap)));
+  return past;
 }
 
 absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>& lock) {
@@ -167,7 +175,7 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
   ASSIGN_OR_RETURN(const RobotFeedback start, Newest(lock));
   for (const std::string& hindrance : {start.fault, start.not_ready}) {
     if (!hindrance.empty()) {
-      return absl::FailedPreconditionError(absl::StrCat("the robot cannot move: ", hindrance));
+      return absl::AbortedError(absl::StrCat("the robot cannot move: ", hindrance));
     }
   }
   if (start.positions.size() != names_.size()) {

@@ -65,12 +65,12 @@ class FeedbackRobot : public Robot {
   const std::vector<std::string>& joints() const override { return names_; }
 
   // Beside the errors of Robot::MoveTo. Aborted: it was stopped on its way, by Stop() or since its
-  // feedback was doubtful. FailedPrecondition: it is not ready, e.g. in emergency stop.
+  // feedback was doubtful, or it is not ready, e.g. in emergency stop.
   absl::Status MoveTo(std::span<const double> positions) override;
 
   // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or a
-  // position is not a number, or feedback was silent for too long since the last call; one call of
-  // State() or MoveTo() reports such a silence.
+  // position is not a number, or since the last call the connection was lost, even for a moment, or
+  // feedback was silent for too long; one call of State() or MoveTo() reports such a loss.
   absl::StatusOr<RobotState> State() override;
 
   absl::Status Stop() override;
@@ -96,8 +96,8 @@ class FeedbackRobot : public Robot {
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
   absl::Duration newest_time_;  // running clock
-  absl::Duration untold_gap_;   // a past silence that no call has reported yet; 0: none
-  bool silence_told_ = false;   // of the one that goes on
+  absl::Status untold_loss_;    // a past one that no call has reported yet
+  bool loss_told_ = false;      // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
   std::optional<MotionWatch> move_;  // under way

@@ -2,7 +2,9 @@
 #include "capture/drivers/robots/manual_robot.h"
 
 #include <poll.h>
+#include <termios.h>
 #include <unistd.h>
+
 #include <cerrno>
 #include <cmath>
 #include <iostream>
@@ -162,6 +164,8 @@ absl::Status ManualRobot::Stop() {
 namespace {
 
 absl::StatusOr<std::string> Ask(const std::string& question) {
+  // Of a terminal: what a pipe holds are answers. Flushing would stop a background job.
+  if (tcgetpgrp(STDIN_FILENO) == getpgrp()) tcflush(STDIN_FILENO, TCIFLUSH);
   std::cerr << question << std::flush;
   std::string line;
   while (true) {

@@ -71,9 +71,9 @@ class ManualRobot : public Robot {
 
 // The operator at the terminal that the program runs in.
 
-// Lines and questions go to stderr, answers come from stdin. FailedPrecondition: stdin
-// has ended; Cancelled: a signal came, such as that of Ctrl-C where the program catches
-// it.
+// Lines and questions go to stderr, answers come from stdin. What was typed at a terminal before a
+// question does not answer it. FailedPrecondition: stdin has ended; Cancelled: a signal came, such
+// as that of Ctrl-C where the program catches it.
 Operator OperatorAtTerminal();
 
 }  // namespace silhouette

@@ -197,6 +197,7 @@ void SimpleMessageLink::Read() {
 
 void SimpleMessageLink::ReadMotion() {
   absl::Status lost;
+  bool idle = false;
   {
     const std::lock_guard lock(mutex_);
     if (!motion_.valid()) return;
@@ -212,9 +213,11 @@ void SimpleMessageLink::ReadMotion() {
       if (results_.size() > 64) results_.erase(results_.begin());
     }
     if (!lost.ok()) motion_ = FileDescriptor();
+    idle = answers_ == sent_ && status_ && status_->in_motion == TriState::kOff;
   }
   answered_.notify_all();
-  if (!lost.ok()) {
+  // A controller may close it while nothing is asked of it; the next command makes a new one.
+  if (!lost.ok() && !idle) {
     observer_.failed(In(AddressOf(settings_.host, settings_.motion_port), lost));
   }
 }

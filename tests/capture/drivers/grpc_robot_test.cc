@@ -62,8 +62,8 @@ TEST_F(GrpcRobotTest, ArrivesAndTellsWhereItIs) {
   EXPECT_THAT(robot->joints(), ElementsAre("turn", "bend", "slide"));
   const absl::Status status = robot->MoveTo(kThere);
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kThere));
-  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNear), kThere));
+  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNearRobot), kThere));
+  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNearRobot), kThere));
   EXPECT_EQ(controller_.stops(), 0);
 }
 
@@ -208,13 +208,13 @@ TEST(PythonRobotDriver, IsDrivenAndStopped) {
   constexpr double kDegree = std::numbers::pi / 180;
   EXPECT_THAT(robot->joints(),
               ElementsAre("joint_1", "joint_2", "joint_3", "joint_4", "joint_5", "joint_6"));
-  EXPECT_THAT(
-      robot->State()->positions,
-      Pointwise(DoubleNear(kNear), std::vector<double>{0, 10 * kDegree, 0, 0, 0, -90 * kDegree}));
+  EXPECT_THAT(robot->State()->positions,
+              Pointwise(DoubleNear(kNearRobot),
+                        std::vector<double>{0, 10 * kDegree, 0, 0, 0, -90 * kDegree}));
   const std::vector<double> goal = {0.5, 0, 0, 0, 0.25, -1};
   const absl::Status status = robot->MoveTo(goal);
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNear), goal));
+  EXPECT_THAT(robot->State()->positions, Pointwise(DoubleNear(kNearRobot), goal));
   EXPECT_THAT(robot->MoveTo(std::vector<double>{4, 0, 0, 0, 0, 0}).message(),
               HasSubstr("joint_1 cannot go to 229.2 degrees"));
 

@@ -4,9 +4,18 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <pty.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <csignal>
 #include <deque>
+#include <functional>
 #include <numbers>
+#include <stdexcept>
+
+#include "absl/time/time.h"
 
 namespace silhouette {
 namespace {
@@ -123,6 +132,87 @@ TEST(ManualRobot, WhatIsReadDecidesAndHeIsToldByHowMuchItIsOff) {
   EXPECT_THAT(person.told[2], HasSubstr("it is off: turn by -0.900 deg, rail by -20.000 mm"));
   EXPECT_THAT(person.told[4], HasSubstr("it is off: rail by 0.500 mm"));
   EXPECT_THAT(robot.State()->positions, ElementsAre(DoubleEq(1 * kDegree), 0.12));
+}
+
+// The operator's end of a terminal, at which another process asks him.
+class Terminal {
+ public:
+  // `work`: what the process does; its exit code.
+  explicit Terminal(const std::function<int()>& work) {
+    child_ = forkpty(&end_, nullptr, nullptr, nullptr);
+    if (child_ == 0) _exit(work());
+    if (child_ < 0) throw std::runtime_error("no terminal");
+  }
+  ~Terminal() {
+    kill(child_, SIGKILL);
+    waitpid(child_, nullptr, 0);
+    close(end_);
+  }
+
+  // Waits until it has shown `text` that many times.
+  bool Shows(const std::string& text, int times) {
+    while (Count(text) < times) {
+      if (!ReadSome(absl::Seconds(60))) return false;
+    }
+    return true;
+  }
+  // Reads what it shows within `time`; false: nothing.
+  bool ReadSome(absl::Duration time) {
+    pollfd ready{.fd = end_, .events = POLLIN, .revents = 0};
+    if (poll(&ready, 1, static_cast<int>(absl::ToInt64Milliseconds(time))) <= 0) return false;
+    char bytes[4096];
+    const ssize_t length = read(end_, bytes, sizeof(bytes));
+    ended_ = length <= 0;  // EIO: it has ended
+    if (!ended_) shown_.append(bytes, static_cast<size_t>(length));
+    return !ended_;
+  }
+  void Type(const std::string& text) const {
+    EXPECT_EQ(write(end_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
+  }
+  bool ended() const { return ended_; }
+
+ private:
+  int Count(const std::string& text) const {
+    int count = 0;
+    for (size_t at = shown_.find(text); at != std::string::npos; at = shown_.find(text, at + 1)) {
+      ++count;
+    }
+    return count;
+  }
+
+  int end_ = -1;
+  pid_t child_ = 0;
+  bool ended_ = false;
+  std::string shown_;
+};
+
+TEST(OperatorAtTerminal, SecondEnterOfTwoDoesNotConfirmTheNextConfiguration) {
+  Terminal terminal([] {
+    ManualRobot robot(Joints(), OperatorAtTerminal(), ManualRobot::Reading::kConfirmed);
+    const bool moved = robot.MoveTo(std::vector<double>{0, 0}).ok() &&
+                       robot.MoveTo(std::vector<double>{1, 0}).ok();
+    return moved ? 0 : 1;
+  });
+  ASSERT_TRUE(terminal.Shows("or stop: ", 1));
+  terminal.Type("\n\n");
+  ASSERT_TRUE(terminal.Shows("or stop: ", 2));
+  while (terminal.ReadSome(absl::Milliseconds(300))) {
+  }
+  EXPECT_FALSE(terminal.ended()) << "it waits for an answer";
+  terminal.Type("\n");
+  while (terminal.ReadSome(absl::Seconds(60))) {
+  }
+  EXPECT_TRUE(terminal.ended());
+}
+
+TEST(OperatorAtTerminal, QuestionOfABackgroundJobDoesNotStopIt) {
+  Terminal terminal([] {
+    const pid_t job = fork();
+    if (job != 0) return static_cast<int>(waitpid(job, nullptr, 0));
+    setpgid(0, 0);
+    return OperatorAtTerminal().ask("where? ").ok() ? 0 : 1;
+  });
+  EXPECT_TRUE(terminal.Shows("where? ", 1));
 }
 
 }  // namespace

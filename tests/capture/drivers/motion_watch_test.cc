@@ -227,6 +227,9 @@ class WrappingLink : public ControllerLink {
     std::mutex mutex;
     std::vector<double> positions = {0, 0};
     int stops = 0;
+    bool loses = false;   // the connection, until the next report
+    absl::Duration gone;  // for how long
+    int reports = 0;
   };
 
   explicit WrappingLink(Controller& controller) : controller_(controller) {}
@@ -240,13 +243,23 @@ class WrappingLink : public ControllerLink {
     thread_ = std::thread([this, observer = std::move(observer)] {
       for (; !ending_; absl::SleepFor(absl::Milliseconds(5))) {
         RobotFeedback feedback;
+        bool lost = false;
+        absl::Duration gone;
         {
           const std::lock_guard lock(controller_.mutex);
           for (const double at : controller_.positions) {
             feedback.positions.push_back(Wrapped(at));
           }
+          lost = std::exchange(controller_.loses, false);
+          gone = controller_.gone;
+        }
+        if (lost) {
+          observer.failed(absl::UnavailableError("it was switched off"));
+          absl::SleepFor(gone);
         }
         observer.feedback(feedback);
+        const std::lock_guard lock(controller_.mutex);
+        ++controller_.reports;
       }
     });
   }
@@ -279,11 +292,24 @@ class WrappingRobotTest : public testing::Test {
     return controller_.stops;
   }
   // The first joint is continuous; fast enough for a robot that jumps.
-  std::unique_ptr<FeedbackRobot> Connect() {
+  std::unique_ptr<FeedbackRobot> Connect(absl::Duration silence = absl::Seconds(20)) {
     return std::make_unique<FeedbackRobot>(
         std::make_unique<WrappingLink>(controller_),
-        MotionLimits{
-            .joint_speed = 100, .silence = absl::Seconds(20), .continuous = {true, false}});
+        MotionLimits{.joint_speed = 100, .silence = silence, .continuous = {true, false}});
+  }
+  // Loses the connection and returns when it is back; false: it is not.
+  bool Lose(absl::Duration gone = absl::ZeroDuration()) {
+    const auto reports = [&] {
+      const std::lock_guard lock(controller_.mutex);
+      return controller_.reports;
+    };
+    {
+      const std::lock_guard lock(controller_.mutex);
+      controller_.loses = true;
+      controller_.gone = gone;
+    }
+    const int before = reports();
+    return Eventually([&] { return reports() >= before + 3; });
   }
 
   WrappingLink::Controller controller_;
@@ -324,6 +350,27 @@ TEST_F(WrappingRobotTest, PositionThatIsNotANumberIsUnavailableAndNamesItsJoint)
   Place(1, std::nan(""));
   ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "it may move unseen";
   EXPECT_THAT(robot->State().status().message(), HasSubstr("'lift' that is not a number"));
+}
+
+TEST_F(WrappingRobotTest, ConnectionThatWasLostForAMomentIsReportedOnceAndKeepsTheRobotWhereItIs) {
+  const auto robot = Connect();
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
+  ASSERT_TRUE(Lose());
+  const absl::Status state = robot->State().status();
+  EXPECT_TRUE(absl::IsUnavailable(state)) << state;
+  EXPECT_THAT(state.message(), HasSubstr("lost for a moment: it was switched off"));
+  EXPECT_EQ(robot->State().status(), absl::OkStatus());
+  ASSERT_TRUE(Lose());
+  EXPECT_TRUE(absl::IsUnavailable(robot->MoveTo(std::vector<double>{0, 0})));
+  EXPECT_EQ(robot->State()->positions[0], 1);
+  EXPECT_EQ(robot->MoveTo(std::vector<double>{0, 0}), absl::OkStatus());
+}
+
+TEST_F(WrappingRobotTest, ReasonOfALossIsTheFirst) {
+  const auto robot = Connect(absl::Seconds(1));
+  ASSERT_TRUE(Eventually([&] { return robot->State().ok(); }));
+  ASSERT_TRUE(Lose(absl::Milliseconds(1500)));
+  EXPECT_THAT(robot->State().status().message(), HasSubstr("it was switched off"));
 }
 
 TEST(MotionLimits, LimitsThatAreNoneAreRefused) {

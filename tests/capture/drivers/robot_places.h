@@ -13,11 +13,11 @@ namespace silhouette {
 inline const std::vector<double> kHere = {0, 0, 0};
 inline const std::vector<double> kThere = {0.5, -0.5, 0.1};
 // Radians or metres that count as there, for DoubleNear().
-inline constexpr double kNear = 0.002;
+inline constexpr double kNearRobot = 0.002;
 
-// Waits until `happened`, at most 20 s.
+// Waits until `happened`, at most two minutes: a busy machine may be slow.
 inline bool Eventually(const std::function<bool()>& happened) {
-  const absl::Time end = absl::Now() + absl::Seconds(20);
+  const absl::Time end = absl::Now() + absl::Minutes(2);
   while (!happened() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
   return happened();
 }

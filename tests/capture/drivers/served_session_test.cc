@@ -62,7 +62,7 @@ class ServedSession : public testing::Test {
   std::unique_ptr<Database> NewDatabase(const std::string& name) {
     auto database = *Database::Create(folder_ / name, Description());
     simulation_->SetRobotPresent(false);
-    auto cameras = CellCameras::Create(database->cell(), *rig_);
+    auto cameras = CellCameras::Create(database->cell(), *rig_, {});
     const auto references = TakeReferences(*cameras, 3);
     EXPECT_TRUE(database->SetReferences(*references, "test").ok());
     simulation_->SetRobotPresent(true);

@@ -55,10 +55,10 @@ class SimpleMessageRobotTest : public testing::Test {
     for (const std::vector<double>& goal : {kThere, kHere}) {
       const absl::Status status = robot->MoveTo(goal);
       ASSERT_TRUE(status.ok()) << status;
-      EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), goal));
+      EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNearRobot), goal));
       const auto state = robot->State();
       ASSERT_TRUE(state.ok()) << state.status();
-      EXPECT_THAT(state->positions, Pointwise(DoubleNear(kNear), goal));
+      EXPECT_THAT(state->positions, Pointwise(DoubleNear(kNearRobot), goal));
       EXPECT_FALSE(state->moving);
     }
     EXPECT_EQ(controller_.stops(), 0);
@@ -81,7 +81,7 @@ class SimpleMessageRobotTest : public testing::Test {
     const auto robot = Connect();
     const absl::Status status = robot->MoveTo(kHere);
     ASSERT_TRUE(status.ok()) << status;
-    EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kHere));
+    EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNearRobot), kHere));
   }
 
   // Patience that a busy machine does not run out of; those of failing robots are shorter.
@@ -169,7 +169,7 @@ TEST_F(SimpleMessageRobotTest, RobotInEmergencyStopIsNotSentOff) {
   controller_.SetFault(ControllerFault::kEmergencyStop);
   const auto robot = Connect();
   const absl::Status status = robot->MoveTo(kThere);
-  EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
+  EXPECT_TRUE(absl::IsAborted(status)) << status;
   EXPECT_THAT(status.message(), HasSubstr("emergency stop"));
 }
 
@@ -198,6 +198,29 @@ TEST_F(SimpleMessageRobotTest, ConnectionThatIsClosedOnTheWayStopsTheRobotOverAN
   EXPECT_GT(controller_.stops(), 0);
   EXPECT_FALSE(controller_.state().moving);
   ExpectWorks();
+}
+
+TEST_F(SimpleMessageRobotTest, MotionConnectionThatIsClosedIsALossOnlyOnTheWay) {
+  auto motion = *SimpleMessageServer::Start(controller_, {});
+  settings_.motion_port = motion->motion_port();
+  auto robot = Connect();
+  ASSERT_TRUE(robot->MoveTo(kThere).ok());
+  ASSERT_TRUE(Eventually([&] { return robot->State().ok() && !robot->State()->moving; }));
+  motion.reset();
+  for (int i = 0; i < 30; ++i) {
+    absl::SleepFor(absl::Milliseconds(10));
+    ASSERT_EQ(robot->State().status(), absl::OkStatus());
+  }
+
+  motion = *SimpleMessageServer::Start(controller_, {});
+  settings_.motion_port = motion->motion_port();
+  robot = Connect({.joint_speed = 0.05});
+  std::future<absl::Status> move =
+      std::async(std::launch::async, [&] { return robot->MoveTo(kHere); });
+  ASSERT_TRUE(Eventually([&] { return robot->State().ok() && robot->State()->moving; }));
+  motion.reset();
+  const absl::Status status = move.get();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
 }
 
 TEST_F(SimpleMessageRobotTest, SilenceOnTheWayStopsTheRobot) {
@@ -255,7 +278,7 @@ TEST_F(SimpleMessageRobotTest, SilenceThatNobodyNoticedIsToldOnce) {
   const absl::Status lost = robot->MoveTo(kThere);
   EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
   EXPECT_THAT(lost.message(), HasSubstr("lost"));
-  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNear), kHere));
+  EXPECT_THAT(controller_.state().positions, Pointwise(DoubleNear(kNearRobot), kHere));
   EXPECT_TRUE(Eventually([&] { return robot->State().ok(); }));
   EXPECT_TRUE(Eventually([&] { return robot->MoveTo(kThere).ok(); }));
 }

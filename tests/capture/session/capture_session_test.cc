@@ -18,6 +18,7 @@ namespace silhouette {
 namespace {
 
 using testing::Each;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
@@ -317,6 +318,28 @@ TEST_F(CaptureSessionTest, CameraThatRepeatsItsLastImageIsLostUnlessItsViewHasNo
   EXPECT_TRUE(cell_.Capture().complete());
 }
 
+// With one image a configuration, that of a camera that froze on the way passes for a new one.
+TEST_F(CaptureSessionTest, ImageThatIsRepeatedMakesTheConfigurationBeforeSuspect) {
+  std::vector<uint8_t> frozen;
+  cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>& images) {
+    if (grab == 9) frozen = images[1].pixels;
+    if (grab > 9) images[1].pixels = frozen;
+    return absl::OkStatus();
+  };
+  cell_.settings.noisy_views = {"front"};
+  cell_.settings.retry = absl::Milliseconds(100);
+  std::string said;
+  CaptureObserver observer;
+  observer.say = [&](const std::string& line) { said += line + "\n"; };
+  const CaptureReport report = cell_.Capture({}, observer);
+  EXPECT_TRUE(absl::IsUnavailable(report.status)) << report.status;
+  EXPECT_EQ(report.captured, 9u);
+  EXPECT_EQ(report.suspect, 1u);
+  const ConfigurationNumber before = cell_.travel->Serpentine()[8];
+  EXPECT_THAT(*SuspectNumbers(*cell_.database->Read()), ElementsAre(before));
+  EXPECT_THAT(said, HasSubstr(absl::StrCat("configuration ", before, " is suspect: the camera")));
+}
+
 TEST_F(CaptureSessionTest, ImageThatIsRepeatedIsNoSecondStillImage) {
   cell_.settings.still_images = 2;
   cell_.settings.noisy_views = {"front"};
@@ -466,6 +489,54 @@ TEST_F(ForbiddenCellTest, AfterAWrongPlaceTheWayStartsWhereTheRobotReallyIs) {
   EXPECT_TRUE(report.status.ok()) << report.status;
   EXPECT_EQ(report.failed, 1u);
   EXPECT_EQ(report.captured + 1, report.planned);
+}
+
+TEST_F(ForbiddenCellTest, AfterAPauseTheWayStartsWhereSomebodyMovedTheRobotByHand) {
+  cell_.settings.sentinels = {.count = 2, .every = absl::ZeroDuration()};
+  Configuration from = {-0.7, 0.2};
+  cell_.robot.at = {0.25, from[1], from[0]};
+  cell_.robot.on_move = [&](size_t) {
+    const std::vector<double>& goal = cell_.robot.moves.back();
+    const Configuration to = {goal[2], goal[1]};
+    EXPECT_EQ(cell_.travel->regions().Between(from, to), std::nullopt);
+    from = to;
+    return absl::OkStatus();
+  };
+  bool dark = false;
+  cell_.rig.on_grab = [&](size_t, std::vector<CameraImage>& images) {
+    for (uint8_t& pixel : images[1].pixels) {
+      if (dark) pixel = static_cast<uint8_t>(pixel * 0.7);
+    }
+    return absl::OkStatus();
+  };
+  CaptureObserver observer;
+  observer.progress = [&](uint64_t done) { dark = done == 12; };
+  int asked = 0;
+  observer.alarm = [&](const std::string&) {
+    ++asked;
+    dark = false;
+    from = {0.6, 0};
+    cell_.robot.at = {0.25, from[1], from[0]};
+    return AfterAlarm::kCheckAgain;
+  };
+  const CaptureReport report = cell_.Capture({}, observer);
+  EXPECT_TRUE(report.complete()) << report.status << report.alarm;
+  EXPECT_EQ(asked, 1);
+}
+
+TEST_F(ForbiddenCellTest, StopEndsTheSessionBeforeTheNextMoveOfADetour) {
+  cell_.robot.at = {0.25, 0.2, -0.7};
+  ASSERT_TRUE(cell_.Capture().status.ok());
+  cell_.robot.at = {0.25, 0.2, -0.7};
+  cell_.robot.moves.clear();
+  CaptureObserver observer;
+  observer.stop_requested = [&] { return !cell_.robot.moves.empty(); };
+  const auto beyond = cell_.database->grid().Nearest(Configuration{0.6, 0});
+  const CaptureReport report =
+      cell_.Capture({.kind = CaptureSelection::Kind::kListed, .listed = {*beyond}}, observer);
+  EXPECT_TRUE(report.stopped) << report.status;
+  EXPECT_EQ(report.captured, 0u);
+  EXPECT_THAT(cell_.robot.moves, SizeIs(1));
 }
 
 TEST(CaptureSession, ConfigurationsBehindARegionAreLeftOutAndCounted) {

@@ -68,7 +68,7 @@ TEST(CellRobot, OddMeasurementsAreErrors) {
 class CellCamerasTest : public testing::Test {
  protected:
   absl::StatusOr<ImageSet> Grab() {
-    auto cameras = CellCameras::Create(FakeDescription(), rig_);
+    auto cameras = CellCameras::Create(FakeDescription(), rig_, {});
     EXPECT_TRUE(cameras.ok()) << cameras.status();
     return cameras->Grab([&](const std::string& line) { said_.push_back(line); });
   }
@@ -97,7 +97,7 @@ TEST_F(CellCamerasTest, TimeIsThatOfTheOldestImage) {
 
 TEST_F(CellCamerasTest, ViewWithoutACameraIsTold) {
   rig_.names = {"top", "back"};
-  const absl::Status status = CellCameras::Create(FakeDescription(), rig_).status();
+  const absl::Status status = CellCameras::Create(FakeDescription(), rig_, {}).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status));
   EXPECT_THAT(status.message(), HasSubstr("no camera for the view 'front'; there are top, back"));
 }
@@ -156,7 +156,7 @@ TEST(ReferenceImages, ComeBackFromTheDatabaseAsTheyWere) {
   ASSERT_TRUE(references.ok()) << references.status();
   ASSERT_EQ(references->size(), 2u);
   cell.rig.robot_present = false;
-  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);
+  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig, {});
   const auto set = cameras->Grab([](const std::string&) {});
   for (size_t v = 0; v < 2; ++v) {
     cv::Mat mean;
@@ -188,7 +188,7 @@ TEST(ReferenceImages, OfAnotherImageSizeAreRefused) {
 TEST(ReferenceImages, WhatMovesMeanwhileIsFoundInItsView) {
   FakeCell cell;
   cell.rig.robot_present = false;
-  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);
+  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig, {});
   std::vector<MovedInView> moved;
   ASSERT_TRUE(TakeReferences(*cameras, 5, {}, &moved).ok());
   EXPECT_TRUE(moved.empty());
@@ -207,9 +207,24 @@ TEST(ReferenceImages, WhatMovesMeanwhileIsFoundInItsView) {
   EXPECT_EQ(cv::countNonZero(moved[0].moved({10, 20, 5, 10})), 50);
 }
 
+TEST(ReferenceImages, AreNotTakenOfAFrozenCamera) {
+  FakeCell cell;
+  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig, {"front"});
+  const absl::Status status = TakeReferences(*cameras, 5).status();
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_THAT(status.message(),
+              HasSubstr("the camera of the view 'front' is frozen: it repeats an image"));
+  EXPECT_EQ(cell.rig.grabs, 2u);
+  cell.rig.on_grab = [](size_t grab, std::vector<CameraImage>& images) {
+    images[1].pixels[0] = static_cast<uint8_t>(60 + grab % 2);
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(TakeReferences(*cameras, 5).ok());
+}
+
 TEST(ReferenceImages, StopLeavesTheDatabaseAsItWas) {
   FakeCell cell;
-  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig);
+  auto cameras = CellCameras::Create(cell.database->cell(), cell.rig, {});
   CaptureObserver observer;
   observer.stop_requested = [&] { return cell.rig.grabs == 2; };
   const auto references = TakeReferences(*cameras, 5, observer);

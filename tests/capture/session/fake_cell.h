@@ -91,7 +91,7 @@ class FakeRobot : public Robot {
   }
   absl::Status Stop() override {
     ++stops;
-    return absl::OkStatus();
+    return on_stop ? on_stop() : absl::OkStatus();
   }
 
   std::vector<std::string> names = {"wrist", "lift", "turn"};
@@ -101,6 +101,7 @@ class FakeRobot : public Robot {
   int stops = 0;
   std::function<absl::Status(size_t move)> on_move;  // counts from 1
   std::function<absl::Status(RobotState&)> on_state;
+  std::function<absl::Status()> on_stop;
 };
 
 // The grey level of the cell behind the robot.
@@ -167,7 +168,7 @@ class FakeCell {
 
   void TakeReferences() {
     rig.robot_present = false;
-    auto cameras = CellCameras::Create(database->cell(), rig);
+    auto cameras = CellCameras::Create(database->cell(), rig, {});
     ASSERT_TRUE(cameras.ok()) << cameras.status();
     const auto references = silhouette::TakeReferences(*cameras, 3);
     ASSERT_TRUE(references.ok()) << references.status();

@@ -174,6 +174,25 @@ TEST_F(FirstLookTest, SessionThatEndsBeforeItIsOverStoresNothingSaysSoAndTheNext
   ExpectRefused("the border of the image cuts the robot in ");
 }
 
+TEST_F(FirstLookTest, MoreThanTheSentinelsAreLookedAt) {
+  cell_.settings.sentinels.count = 2;
+  cell_.settings.first_look.configurations = 4;
+  cell_.TakeReferences();
+  cell_.rig.on_grab = [this](size_t grab, std::vector<CameraImage>&) {
+    cell_.rig.robot_present = grab < 2;  // in the next image
+    return absl::OkStatus();
+  };
+  ExpectRefused("no view sees the robot");
+  const auto sentinels = [this] {
+    return cell_.database->Read()->CaptureHistory()->sentinels_size();
+  };
+  EXPECT_EQ(sentinels(), 0);
+  cell_.rig.on_grab = nullptr;
+  cell_.rig.robot_present = true;
+  EXPECT_TRUE(cell_.Capture().complete());
+  EXPECT_EQ(sentinels(), 2);
+}
+
 TEST_F(FirstLookTest, RefusedImagesAreNotSaidToBeDroppedByAnEndThatCameTooSoon) {
   cell_.TakeReferences();
   std::string said;

@@ -6,6 +6,7 @@
 
 #include <set>
 
+#include "capture/session/history.h"
 #include "tests/capture/session/fake_cell.h"
 
 namespace silhouette {
@@ -58,6 +59,37 @@ TEST(ReferencesWithRobot, RobotImagesTellWhereTheRobotIs) {
   }
 }
 
+TEST(ReferencesWithRobot, RobotImagesOfACellThatMayHaveChangedAreNotUsed) {
+  FakeCell cell;
+  cell.TakeReferences();
+  ASSERT_TRUE(cell.Capture().complete());
+  // They have the robot everywhere.
+  auto writer = cell.database->Write("test");
+  for (auto [number, image] : cell.Content()) {
+    image.captured = absl::Now();
+    for (Mask& mask : image.masks) {
+      mask = Mask::FromPredicate(mask.size(), [](int, int) { return true; });
+    }
+    ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
+  }
+  ASSERT_TRUE(writer->Commit().ok());
+  const auto undefined_with = [&](const storage::v1::CaptureHistory& history) {
+    EXPECT_TRUE(cell.database->SetCaptureHistory(history).ok());
+    const auto taken = TakeReferencesWithRobot(*cell.database, *cell.travel, cell.robot, cell.rig,
+                                               cell.settings, 30);
+    EXPECT_TRUE(taken.ok()) << taken.status();
+    return ReferencesIn(*taken, cell.database->cell()).value()[0].Describe().undefined;
+  };
+  storage::v1::CaptureHistory suspect;
+  SetTime(absl::Now(), *suspect.add_suspects()->mutable_until());
+  EXPECT_EQ(undefined_with(suspect), 0);
+  storage::v1::CaptureHistory checked;
+  checked.add_checks()->set_alarm("view 'front' moved");
+  EXPECT_EQ(undefined_with(checked), 0);
+  checked.add_checks();
+  EXPECT_GT(undefined_with(checked), 0) << "as it was";
+}
+
 TEST(ReferencesWithRobot, ConfigurationsAreSpreadAndNotForbidden) {
   const FakeCell cell;
   const std::vector<ForbiddenRegion> regions = {
@@ -82,10 +114,25 @@ TEST(ReferencesWithRobot, FailingRobotIsStopped) {
   cell.robot.on_move = [](size_t move) {
     return move == 3 ? absl::DeadlineExceededError("stuck") : absl::OkStatus();
   };
+  cell.robot.on_stop = [] { return absl::UnavailableError("no answer"); };
+  std::string said;
+  CaptureObserver observer;
+  observer.say = [&](const std::string& line) { said = line; };
   const auto taken = TakeReferencesWithRobot(*cell.database, *cell.travel, cell.robot, cell.rig,
-                                             cell.settings, 10);
+                                             cell.settings, 10, observer);
   EXPECT_EQ(taken.status(), absl::DeadlineExceededError("stuck"));
   EXPECT_EQ(cell.robot.stops, 1);
+  EXPECT_EQ(said, "the stop command to the robot failed: no answer");
+}
+
+TEST(ReferencesWithRobot, StopIsHeededBeforeTheNextMove) {
+  FakeCell cell;
+  CaptureObserver observer;
+  observer.stop_requested = [&] { return cell.robot.moves.size() == 3; };
+  const auto taken = TakeReferencesWithRobot(*cell.database, *cell.travel, cell.robot, cell.rig,
+                                             cell.settings, 10, observer);
+  EXPECT_EQ(taken.status(), absl::CancelledError("stopped; no reference images were stored"));
+  EXPECT_EQ(cell.robot.moves.size(), 3u);
 }
 
 }  // namespace

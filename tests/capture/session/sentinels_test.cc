@@ -655,8 +655,9 @@ struct LostRobotTest : SentinelsTest {
 TEST_F(LostRobotTest, DoesNotMoveOnUnlessSomebodySaysSo) {
   const CaptureReport report = cell_.Capture({}, observer_);
   EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
-  EXPECT_THAT(report.status.message(),
-              HasSubstr("the robot was lost and is back, and does not move"));
+  EXPECT_THAT(
+      report.status.message(),
+      HasSubstr("the robot was lost, or a stop command did not reach it; it does not move"));
   EXPECT_EQ(report.captured, 10u);
   EXPECT_EQ(cell_.robot.moves.size(), moves_at_return_);
   EXPECT_GE(cell_.robot.stops, 1);
@@ -702,6 +703,23 @@ TEST_F(LostRobotTest, WhileACameraIsWaitedForIsAskedForToo) {
   EXPECT_EQ(report.captured, 10u);
 }
 
+TEST_F(SentinelsTest, RobotThatCannotBeStoppedWhileACameraIsWaitedForIsAskedForToo) {
+  cell_.settings.retry = absl::Milliseconds(500);
+  size_t lost = 0;
+  cell_.rig.on_grab = [&](size_t, std::vector<CameraImage>&) {
+    const bool gone = done_ == 10 && ++lost <= CellCameras::kAttempts;
+    return gone ? absl::UnavailableError("view 'top' is gone") : absl::OkStatus();
+  };
+  cell_.robot.on_stop = [] { return absl::DeadlineExceededError("no answer"); };
+  for (const bool continues : {false, true}) {
+    lost = 0;
+    cell_.settings.continue_after_reconnect = continues;
+    const CaptureReport report = cell_.Capture({}, observer_);
+    EXPECT_EQ(absl::IsAborted(report.status), !continues) << report.status;
+    EXPECT_EQ(report.captured, continues ? 20u : 10u);
+  }
+}
+
 TEST_F(SentinelsTest, RobotThatDoesNotComeBackEndsTheSessionSafely) {
   cell_.settings.retry = absl::Milliseconds(300);
   cell_.robot.on_state = [this](RobotState&) {
@@ -740,6 +758,27 @@ TEST_F(SentinelsTest, OperatorWhoStopsTheRobotOnItsWayToASentinelStopsTheSession
   EXPECT_TRUE(report.stopped);
   EXPECT_EQ(report.sentinel_checks, 0u);
   EXPECT_THAT(cell_.robot.moves, SizeIs(1));
+}
+
+TEST_F(SentinelsTest, StopEndsTheSessionBeforeTheNextOfThem) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  cell_.robot.moves.clear();
+  observer_.stop_requested = [this] { return !cell_.robot.moves.empty(); };
+  const CaptureReport report = cell_.Capture({.kind = CaptureSelection::Kind::kNothing}, observer_);
+  EXPECT_TRUE(report.stopped) << report.status;
+  EXPECT_EQ(report.sentinel_checks, 0u);
+  EXPECT_THAT(cell_.robot.moves, SizeIs(1));
+}
+
+TEST_F(SentinelsTest, NewOnesAreLeftUntilAllOfThemAreCaptured) {
+  ASSERT_TRUE(cell_.Capture({}, observer_).complete());
+  const CaptureSelection again{
+      .kind = CaptureSelection::Kind::kListed, .listed = Known(), .new_sentinels = true};
+  done_ = 0;
+  observer_.stop_requested = [this] { return done_ == 1; };
+  EXPECT_TRUE(cell_.Capture(again, observer_).new_sentinels_left);
+  observer_.stop_requested = [] { return false; };
+  EXPECT_FALSE(cell_.Capture(again, observer_).new_sentinels_left);
 }
 
 TEST_F(SentinelsTest, RobotThatDoesNotArriveIsNotSentAgainAndAgain) {

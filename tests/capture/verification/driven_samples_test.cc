@@ -21,7 +21,7 @@ TEST(DrivenSamples, ConfigurationThatChanceFindsAgainReplacesNone) {
   SessionParts parts{.database = cell.database.get(),
                      .travel = &*cell.travel,
                      .robot = CellRobot::Create(cell.database->cell(), cell.robot).value(),
-                     .cameras = CellCameras::Create(cell.database->cell(), cell.rig).value(),
+                     .cameras = CellCameras::Create(cell.database->cell(), cell.rig, {}).value(),
                      .references = ReadReferences(*cell.database).value(),
                      .settings = cell.settings,
                      .segmentation = cell.segmentation};

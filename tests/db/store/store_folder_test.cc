@@ -98,6 +98,16 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   }));
 }
 
+TEST(Database, ReaderThatKeepsWritersOutIsNotCalledByTheNumberOfTheLastWriter) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeReadableDatabase(folder / "db");
+  const auto reader = WriterLock::KeepWritersOut(folder / "db", "");
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_THAT(Database::Open(folder / "db", Access::kWrite).status().message(),
+              HasSubstr(": another process is writing to it"));
+  close(*reader);
+}
+
 TEST(Database, WithoutPermissionToReadSaysSo) {
   const std::filesystem::path folder = FreshFolder();
   MakeReadableDatabase(folder / "db");

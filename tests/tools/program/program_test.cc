@@ -243,6 +243,45 @@ TEST(Program, NameThatIsTooLongForAFileIsTheUsersMistake) {
             "tester: '" + path + "': a name is too long; shorten it to 255 characters\n");
 }
 
+TEST(Program, SecondStopSignalAndAClosedTerminalHaltBeforeTheyEndTheProcess) {
+  const std::vector<std::vector<int>> endings = {
+      {SIGINT, SIGINT}, {SIGINT, SIGTERM}, {SIGHUP}, {SIGHUP, SIGHUP}};
+  for (const std::vector<int>& signals : endings) {
+    const auto send = [&] {
+      std::signal(SIGHUP, SIG_DFL);  // as at a terminal
+      CatchStopSignals();
+      const HaltOnSignals halt([] { std::cerr << "halted" << std::endl; });
+      for (const int signal : signals) std::raise(signal);
+      pause();
+    };
+    EXPECT_EXIT(send(), testing::KilledBySignal(signals.back()), "halted");
+  }
+}
+
+TEST(Program, AnotherStopSignalEndsAHaltThatTakesTooLong) {
+  const auto send = [] {
+    CatchStopSignals();
+    const HaltOnSignals halt([] { pause(); });
+    for (const int signal : {SIGINT, SIGINT, SIGTERM}) std::raise(signal);
+    pause();
+  };
+  EXPECT_EXIT(send(), testing::KilledBySignal(SIGTERM), "^$");
+}
+
+TEST(Program, ClosedTerminalEndsWhatHasNothingToHaltUnlessThatIsIgnored) {
+  const auto send = [](auto handler) {
+    std::signal(SIGHUP, handler);
+    CatchStopSignals();
+    {
+      const HaltOnSignals over([] { std::cerr << "halted" << std::endl; });
+    }
+    std::raise(SIGHUP);
+    _exit(kDone);
+  };
+  EXPECT_EXIT(send(SIG_DFL), testing::KilledBySignal(SIGHUP), "^$");
+  EXPECT_EXIT(send(SIG_IGN), testing::ExitedWithCode(kDone), "^$");
+}
+
 TEST(Program, StopSignalIsNoticedAndErrorsAfterItHaveAnExitCodeOfTheirOwn) {
   CatchStopSignals();
   EXPECT_FALSE(StopRequested());

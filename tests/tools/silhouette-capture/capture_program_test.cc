@@ -315,6 +315,14 @@ TEST_F(CaptureProgram, FullDiskIsToldAndMendedByGoingOn) {
   umount2(disk.c_str(), MNT_DETACH);
 }
 
+TEST_F(CaptureProgram, ReferenceWithRobotSaysHowManyImagesItTook) {
+  cell_.WriteCell({{"{joint_1: 9, joint_3: 5}", "{joint_1: 4, joint_3: 3}"}});
+  const Outcome outcome =
+      cell_.Run(cell_.Arguments("reference", {"--with-robot", "--format", "json"}));
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(Json(outcome)["images"], 12) << "all that the grid has";
+}
+
 // The cell of tools/demo without what it sets for speed.
 TEST(DemoCell, TakesReferencesWithItsRobotAndIsCapturedByTheDefaults) {
   const std::string folder = SourceFolder() + "/capture/sim/cells/demo/";
@@ -375,7 +383,10 @@ TEST_F(CaptureProgram, RobotThatNoViewSeesIsRefusedBeforeAnythingIsStored) {
   const Outcome outcome = cell_.Run(cell_.Arguments("run"));
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("configuration 0: no view sees the robot; check"),
-                                 HasSubstr("none of these images was stored")));
+                                 HasSubstr("none of these images was stored"),
+                                 Not(HasSubstr("what was captured is stored"))));
+  const Outcome again = cell_.Run(cell_.Arguments("run", {"--format", "json"}));
+  EXPECT_FALSE(Json(again).contains("next")) << again.out;
   EXPECT_EQ(cell_.Records(), 0u);
 }
 

@@ -49,6 +49,19 @@ class DrawProgram : public testing::Test {
     ASSERT_TRUE((*database)->SetCalibration(calibration, "test").ok());
   }
 
+  // Of the model that was drawn, in the cell's ranges.
+  static storage::v1::ModelVerification Verification(const Outcome& drawn) {
+    storage::v1::ModelVerification verification;
+    verification.set_digest(nlohmann::json::parse(drawn.out)["digest"].get<std::string>());
+    for (const auto& [joint, degrees] : {std::pair{"joint_1", 150}, {"joint_3", 120}}) {
+      storage::v1::VerifiedRange& range = *verification.add_ranges();
+      range.set_joint(joint);
+      range.set_lower(-degrees * std::numbers::pi / 180);
+      range.set_upper(degrees * std::numbers::pi / 180);
+    }
+    return verification;
+  }
+
   std::string base() const { return cell_ / "base.lmdb"; }
   Outcome Draw(const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments = {"--from", base(), "--format", "json"};
@@ -187,16 +200,8 @@ TEST_F(DrawProgram, VerificationIsNoneWhereAJointMovesFartherThanItWasVerified) 
                                                         "  images: drawn\n  joints:\n"};
   cell_.WriteCell({is_drawn});
   MakeBase();
-  storage::v1::ModelVerification verification;
-  verification.set_digest(nlohmann::json::parse(Draw().out)["digest"].get<std::string>());
-  for (const auto& [joint, degrees] : {std::pair{"joint_1", 150}, {"joint_3", 120}}) {
-    storage::v1::VerifiedRange& range = *verification.add_ranges();
-    range.set_joint(joint);
-    range.set_lower(-degrees * std::numbers::pi / 180);
-    range.set_upper(degrees * std::numbers::pi / 180);
-  }
   ASSERT_TRUE((*Database::Open(base(), Database::Access::kWrite))
-                  ->SetVerification(verification, "test")
+                  ->SetVerification(Verification(Draw()), "test")
                   .ok());
   const auto drawn = [&] {
     std::filesystem::remove_all(cell_.database());
@@ -258,14 +263,15 @@ TEST_F(DrawProgram, StatusAndReportNameTheVerificationOfTheModelInsteadOfACaptur
   EXPECT_EQ(report.exit_code, 2);
   EXPECT_THAT(report.err, HasSubstr("are drawn: no capture is there to report on"));
   EXPECT_THAT(report.err, HasSubstr(verify));
-  cell_.TakeReferences();
-  StoreCameras(cell_.database());
+  MakeBase();
+  const Outcome drawn = Draw();
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
   const Outcome status = cell_.Run(cell_.Arguments("status"));
   EXPECT_EQ(status.exit_code, 1);
   EXPECT_THAT(status.out, HasSubstr("the model, which is not verified\nnext: " + verify));
   {
     const auto database = *Database::Open(cell_.database(), Database::Access::kWrite);
-    ASSERT_TRUE(database->SetVerification(storage::v1::ModelVerification(), "test").ok());
+    ASSERT_TRUE(database->SetVerification(Verification(drawn), "test").ok());
   }
   const Outcome verified = cell_.Run(cell_.Arguments("status"));
   EXPECT_EQ(verified.exit_code, 0);

@@ -85,14 +85,14 @@ TEST_F(NewCell, ItsMasksHaveTheShapeAndAQuarterOfTheImagesAndTheSectionSoundIsTh
 }
 
 TEST_F(NewCell, ManyJointsAreDrawn) {
-  const Outcome made = Init({"--view", "top=/dev/video0", "--view", "front=rtsp://127.0.0.1/x"});
+  const Outcome made = Init({"--view", "top=/dev/video0", "--view", "front=rtsps://127.0.0.1/x"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   const auto cell = LoadCell(cell_.cell());
   ASSERT_TRUE(cell.ok()) << cell.status();
   EXPECT_TRUE(cell->robot.drawn.has_value());
   EXPECT_EQ(cell->grid.dimensions(), 6);
   EXPECT_THAT(ReadText(cell_.cell()),
-              AllOf(HasSubstr("{v4l2: \"/dev/video0\"}"), HasSubstr("{rtsp: \"rtsp:")));
+              AllOf(HasSubstr("{v4l2: \"/dev/video0\"}"), HasSubstr("{rtsp: \"rtsps:")));
 }
 
 TEST_F(NewCell, MistakesNameTheMendAndLeaveNoFile) {
@@ -233,6 +233,17 @@ TEST_F(NewCell, CheckNamesImagesThatAreTooDark) {
   EXPECT_EQ(checked.exit_code, 1) << checked.out << checked.err;
   EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  view top"), HasSubstr("too dark"),
                                  HasSubstr("ok     robot")));
+}
+
+TEST_F(NewCell, CheckNotesAViewWhoseSourceStatesNoExposure) {
+  const auto check = [&](const std::string& source) {
+    std::filesystem::remove(cell_.cell());
+    EXPECT_EQ(Init({"--joint", "joint_1", "--view", "top=" + source}).exit_code, 0);
+    return cell_.Run(cell_.Arguments("check")).out;
+  };
+  const std::string note = "NOTE   view top: its source states no exposure";
+  EXPECT_THAT(check("/dev/video99"), HasSubstr(note));
+  EXPECT_THAT(check("{v4l2: {device: /dev/video99, exposure: 5 ms}}"), Not(HasSubstr(note)));
 }
 
 TEST_F(NewCell, CheckNamesADriverThatDoesNotAnswer) {

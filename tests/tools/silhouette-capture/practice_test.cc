@@ -6,6 +6,12 @@
 #include <poll.h>
 #include <pty.h>
 
+#include <utility>
+
+#include "absl/strings/str_replace.h"
+#include "capture/drivers/robots/feedback_robot.h"
+#include "capture/drivers/robots/simple_message_link.h"
+#include "tests/capture/drivers/robot_places.h"
 #include "tests/capture/drivers/served_process.h"
 #include "tests/capture/session/program_cell.h"
 #include "tests/folders.h"
@@ -37,6 +43,8 @@ class AtTerminal {
     }
     return true;
   }
+
+  void Close() { close(std::exchange(terminal_, -1)); }
 
   void Type(const std::string& text) const {
     EXPECT_EQ(write(terminal_, text.data(), text.size()), static_cast<ssize_t>(text.size()));
@@ -80,18 +88,21 @@ class Practice : public testing::Test {
   void TearDown() override { served_.reset(); }
 
   // Serves the cell's devices, with faults, and has the cell's file name them.
-  void Serve(const std::vector<std::string>& faults, const std::string& more = "") {
+  void Serve(const std::vector<std::string>& faults, const std::string& more = "",
+             const std::string& protocol = "grpc") {
     served_.reset();
     cell_.WriteCell({kFewSteps});
-    std::vector<std::string> arguments = {"--robot",   "grpc", "--robot-address", "127.0.0.1:0",
-                                          "--cameras", "grpc", "--camera-port",   "0"};
+    std::vector<std::string> arguments = {"--robot",   protocol, "--robot-address", "127.0.0.1:0",
+                                          "--cameras", "grpc",   "--camera-port",   "0"};
     arguments.insert(arguments.end(), faults.begin(), faults.end());
     served_ = std::make_unique<Served>(cell_.cell(), arguments);
-    const std::string robot = served_->told()["robot"]["address"];
+    nlohmann::json robot = served_->told()["robot"];
+    robot.erase("driver");
+    if (protocol == "grpc") robot.erase("joints");
     const std::string cameras = served_->told()["cameras"][0]["address"];
     const std::string source = "source: {grpc: {address: \"" + cameras + "\"}}";
     cell_.WriteCell({kFewSteps,
-                     {"driver: sim", "driver: {grpc: {address: \"" + robot + "\"}}"},
+                     {"driver: sim", "driver: " + nlohmann::json{{protocol, robot}}.dump()},
                      {"name: top, source: sim", "name: top, " + source},
                      {"name: front, source: sim", "name: front, " + source},
                      {"settle: 5 ms", "settle: 5 ms\n  joint_speed: 20\n  retry: 10 s" + more}});
@@ -117,7 +128,7 @@ TEST_F(Practice, LostRobotEndsASessionThatNobodyWatchesAndTheNextGoesOn) {
   Serve(LostForAMoment());
   const Outcome lost = cell_.Run(cell_.Arguments("run"));
   EXPECT_EQ(lost.exit_code, 3);
-  EXPECT_THAT(lost.err, AllOf(HasSubstr("the robot was lost and is back, and does not move on"),
+  EXPECT_THAT(lost.err, AllOf(HasSubstr("the robot was lost, or a stop command did not reach it"),
                               HasSubstr("what was captured is stored; go on with: ")));
   EXPECT_LT(cell_.Records(), kAll);
   const Outcome rest = cell_.Run(cell_.Arguments("run"));
@@ -136,6 +147,7 @@ TEST_F(Practice, LostRobotMovesOnByItselfOnlyWhereTheCellSaysSo) {
 TEST_F(Practice, LostRobotIsAskedForAtATerminal) {
   Serve(LostForAMoment());
   AtTerminal run(cell_.Arguments("run"));
+  run.Type("g\ng\n");  // before it is asked for: no answer
   ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();
   EXPECT_THAT(run.shown(), HasSubstr("See that nobody is with it"));
   const uint64_t before = cell_.Records();
@@ -167,6 +179,44 @@ TEST_F(Practice, InterruptIsAnAnswerToo) {
   ASSERT_TRUE(run.Shows("a, g or e: ")) << run.shown();
   run.Type("\x03");
   EXPECT_EQ(run.ExitCode(), 1) << run.shown();
+}
+
+TEST_F(Practice, SecondInterruptAndAClosedTerminalStopTheRobotOnItsWay) {
+  for (const bool closes : {false, true}) {
+    Serve({}, "", "simple_message");
+    WriteText(cell_.cell(),
+              absl::StrReplaceAll(ReadText(cell_.cell()), {{"speed: 20", "speed: 0.02"}}));
+    const nlohmann::json told = served_->told()["robot"];
+    FeedbackRobot robot(*SimpleMessageLink::Connect({.host = told["host"],
+                                                     .motion_port = told["motion_port"],
+                                                     .state_port = told["state_port"],
+                                                     .joints = told["joints"],
+                                                     .timeout = absl::Seconds(20)}),
+                        {.silence = absl::Seconds(20)});
+    const auto moves = [&](bool wanted) {
+      const auto state = robot.State();
+      return state.ok() && state->moving == wanted;
+    };
+    AtTerminal run(cell_.Arguments("run"));
+    ASSERT_TRUE(Eventually([&] { return moves(true); })) << run.shown();
+    if (closes) {
+      run.Close();
+    } else {
+      run.Type("\x03");
+      absl::SleepFor(absl::Seconds(1));  // two at once may arrive as one
+      run.Type("\x03");
+    }
+    EXPECT_TRUE(Eventually([&] { return moves(false); }));
+  }
+}
+
+TEST_F(Practice, EmergencyStopIsAFailureOfADeviceInEveryRun) {
+  Serve({"--robot-fault", "e-stop", "--after-moves", "3"});
+  for (const char* which : {"first", "second"}) {
+    const Outcome outcome = cell_.Run(cell_.Arguments("run"));
+    EXPECT_EQ(outcome.exit_code, 3) << which << ": " << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("emergency stop"));
+  }
 }
 
 TEST_F(Practice, FaultOfADeviceThatIsNotServedIsAMistake) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-capture over more than one session: sentinels, remask, report, log.
 #include <gmock/gmock.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -10,6 +11,7 @@
 #include <regex>
 
 #include "db/store/store.h"
+#include "db/store/writer_lock.h"
 #include "tests/capture/session/program_cell.h"
 
 namespace silhouette {
@@ -30,6 +32,10 @@ const std::pair<std::string, std::string> kKeepImagesAndHalfCovered = {
     "commit_interval: 20 ms",
     "commit_interval: 20 ms\n  raw_images: all\nsegmentation: {min_cover: 0.5, min_difference: "
     "20}"};
+
+// Cameras without noise that should have some: they are lost as frozen.
+const std::vector<std::pair<std::string, std::string>> kNoisy = {
+    {"noise: none, ", ""}, {"settle: 5 ms", "settle: 5 ms\n  retry: 10 ms"}};
 
 TEST(CaptureSessions, LogNeverGoesIntoADatabase) {
   ProgramCell cell;
@@ -209,12 +215,24 @@ TEST(CaptureSessions, RemaskedIntoAnotherDatabaseKeepsTheCalibration) {
 TEST(CaptureSessions, CameraWhoseImagesRepeatIsLostUnlessTheCellSaysThatItHasNoNoise) {
   ProgramCell cell;
   cell.TakeReferences();
-  cell.WriteCell({{"noise: none, ", ""}, {"settle: 5 ms", "settle: 5 ms\n  retry: 10 ms"}});
-  const Outcome outcome = cell.Run(cell.Arguments("run"));
-  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("the camera of the view 'top' is frozen"));
-  EXPECT_THAT(outcome.err, HasSubstr("state 'noise: none' at its view in the cell file"));
+  cell.WriteCell(kNoisy);
+  for (const char* subcommand : {"reference", "run"}) {
+    const Outcome outcome = cell.Run(cell.Arguments(subcommand));
+    EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("the camera of the view 'top' is frozen"));
+    EXPECT_THAT(outcome.err, HasSubstr("state 'noise: none' at its view in the cell file"));
+  }
   EXPECT_EQ(cell.Records(), 0u);
+}
+
+TEST(CaptureSessions, NewSentinelsThatAreNotCapturedYetAreAskedForAgain) {
+  ProgramCell cell;
+  cell.CaptureAll();
+  cell.WriteCell(kNoisy);
+  const Outcome outcome = cell.Run(cell.Arguments("run", {"--new-sentinels"}));
+  EXPECT_EQ(outcome.exit_code, 3) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("go on with: silhouette-capture run --cell " + cell.cell() +
+                                     " --database " + cell.database() + " --new-sentinels\n"));
 }
 
 // A part that the simulated robot carries in the variant `with-part`.
@@ -304,6 +322,26 @@ TEST(CaptureSessions, RemaskLeavesTheDatabaseThatAnotherRemaskIsWriting) {
   other->reset();
   outcome = cell.Run(remask);
   EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+}
+
+TEST(CaptureSessions, RemaskIntoAnotherDatabaseIsRefusedWhileASessionWrites) {
+  ProgramCell cell;
+  cell.WriteCell({kKeepImages});
+  cell.CaptureAll();
+  auto session = Database::Open(cell.database(), Database::Access::kWrite);
+  ASSERT_TRUE(session.ok()) << session.status();
+  const std::vector<std::string> remask = cell.Arguments("remask", {"--into", cell / "other.lmdb"});
+  Outcome outcome = cell.Run(remask);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("is writing to it; end that first"));
+  EXPECT_FALSE(std::filesystem::exists(cell / "other.lmdb"));
+  session->reset();
+  // As a server without permission to register itself: it only reads.
+  const auto reader = WriterLock::KeepWritersOut(cell.database(), "");
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  outcome = cell.Run(remask);
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.err;
+  close(*reader);
 }
 
 TEST(CaptureSessions, MasksWithoutImagesCannotBeMadeAnew) {

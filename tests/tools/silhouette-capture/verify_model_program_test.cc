@@ -100,6 +100,10 @@ TEST_F(VerifyModelProgram, CapturedImagesOfADatabaseVerifyTheModelAndRefuseAWron
   WriteText(cell_ / "wrong.yaml",
             absl::StrReplaceAll(
                 text, {{SourceFolder() + "/capture/sim/robots/rx130.urdf", "wrong.urdf"}}));
+  EXPECT_THAT(Run("status", "drawn.yaml", "drawn.lmdb").out, HasSubstr("which is verified"));
+  outcome = Run("status", "wrong.yaml", "drawn.lmdb");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("which is not verified\nnext: silhouette-capture verify-"));
   outcome = Run("verify-model", "wrong.yaml", "drawn.lmdb", by_database);
   EXPECT_EQ(outcome.exit_code, 1) << outcome.out;
   EXPECT_THAT(outcome.err, HasSubstr("not verified: "));
