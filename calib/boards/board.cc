@@ -73,8 +73,8 @@ Board::Board(BoardDescription description) : description_(std::move(description)
       family_ = d.family;
       break;
     case BoardKind::kChessboard:
-      require(d.rows >= 2 && d.columns >= 2,
-              "a chessboard needs at least 2x2 inner corners, in columns x rows");
+      require(d.rows >= 3 && d.columns >= 3,
+              "a chessboard needs at least 3x3 inner corners, in columns x rows");
       require(is_length(d.square), "square must be positive");
       family_ = absl::StrCat("chessboard-", size, (d.rows + d.columns) % 2 == 0 ? kSymmetric : "");
       break;

@@ -56,7 +56,8 @@ std::string CheckFileText(const CalibrationCheck& check) {
                              {"holds", view.holds},
                              {"message", view.message}});
   }
-  return json.dump(2) + "\n";
+  // Messages may name files whose names are not UTF-8.
+  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n";
 }
 
 absl::StatusOr<CalibrationCheck> CheckFromText(const std::string& text, const std::string& file) {

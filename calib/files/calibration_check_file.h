@@ -19,7 +19,7 @@ namespace silhouette {
 
 struct CheckedView {
   std::string name;
-  std::string method;    // "tags" or "silhouettes"
+  std::string method;    // "tags" or "silhouettes"; empty: none ended
   bool checked = false;  // else `message` says why not
   double moved_px = 0;   // by how many pixels of the camera image it moved
   double moved_mask_px = 0;

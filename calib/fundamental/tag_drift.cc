@@ -16,6 +16,11 @@ using Eigen::Vector2d;
 constexpr double kStill = 1;           // pixels that a tag at rest may seem to move
 constexpr double kStillOnMask = 0.05;  // the same on a mask, where its pixels are larger
 
+double StillPixels(const ViewSizes& sizes) {
+  if (sizes.mask.width <= 0) return kStill;
+  return std::max(kStill, kStillOnMask / sizes.mask_scale());
+}
+
 struct Moved {
   Vector2d before;
   Vector2d after;
@@ -128,9 +133,11 @@ PlaneMotion FitMotion(const std::vector<Moved>& corners, const Vector2d& middle)
 }  // namespace
 
 absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
-    std::span<const TagSighting> sightings) {
+    const std::string& view, const ViewSizes& sizes, std::span<const TagSighting> sightings) {
+  const double still = StillPixels(sizes);
   std::map<SeenTag, std::vector<const TagSighting*>> by_tag;
   for (const TagSighting& sighting : sightings) {
+    if (sighting.view != view) continue;
     by_tag[{sighting.view, sighting.family, sighting.tag}].push_back(&sighting);
   }
   std::map<SeenTag, TagSighting> means;
@@ -142,13 +149,12 @@ absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
     const auto count = static_cast<double>(seen.size());
     for (const TagSighting* sighting : seen) {
       for (size_t i = 0; i < std::min(mean.corners.size(), sighting->corners.size()); ++i) {
-        if ((sighting->corners[i] - seen.front()->corners[i]).norm() > kStill) {
-          return absl::InvalidArgumentError(
-              absl::StrCat("view '", mean.view, "': tag ", mean.tag, " of ", mean.family,
-                           " is not where it was between frames '", seen.front()->frame, "' and '",
-                           sighting->frame,
-                           "'; give frames of tags that stay in the cell, and of one camera "
-                           "position only"));
+        if ((sighting->corners[i] - seen.front()->corners[i]).norm() > still) {
+          return absl::InvalidArgumentError(absl::StrCat(
+              "view '", view, "' saw tag ", mean.tag, " of ", mean.family,
+              " move between the frames '", seen.front()->frame, "' and '", sighting->frame,
+              "'; take frames of tags that stay in the cell, from one camera "
+              "position"));
         }
         mean.corners[i] += sighting->corners[i] / count;
       }
@@ -162,7 +168,7 @@ absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
 
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
-                      const std::map<SeenTag, TagSighting>& after) {
+                      const std::map<SeenTag, TagSighting>& after, bool has_noise) {
   ViewDrift drift;
   drift.view = view;
   drift.method = "tags";
@@ -206,9 +212,14 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
     drift.after.push_back(corner.after);
   }
   drift.corners = static_cast<int>(corners.size());
-  drift.odd_tags = OddTags(corners, std::max(kStill, kStillOnMask / sizes.mask_scale()));
-  drift.checked = drift.odd_tags.empty();
-  if (!drift.checked) {
+  drift.odd_tags = OddTags(corners, StillPixels(sizes));
+  const bool repeated = has_noise && drift.before == drift.after;
+  drift.checked = drift.odd_tags.empty() && !repeated;
+  if (repeated) {
+    drift.message =
+        "its corners are those of the calibration to the last digit: the images are not new. Take "
+        "new ones; if the camera repeats an old image, restart it";
+  } else if (!drift.checked) {
     drift.message = OddTagsText(drift.odd_tags);
   } else if (corners.size() < kFewCorners) {
     drift.message = "three tags or more, spread over the image, would tell more";

@@ -17,10 +17,11 @@ namespace silhouette {
 // A tag as one view sees it: view, family, id.
 using SeenTag = std::tuple<std::string, std::string, int>;
 
-// The mean of all frames' sightings of each tag, its frame empty, its sigma that of the mean.
-// InvalidArgument if a tag moved between frames, by more than a pixel: it is none that stays.
+// The mean of all frames' sightings of each tag of `view`, its frame empty, its sigma that of the
+// mean. InvalidArgument if a tag moved between frames, by more than a pixel and 0.05 mask pixels:
+// it is none that stays, or the camera moved. A mask of 0 pixels is not known.
 absl::StatusOr<std::map<SeenTag, TagSighting>> MeanSightings(
-    std::span<const TagSighting> sightings);
+    const std::string& view, const ViewSizes& sizes, std::span<const TagSighting> sightings);
 
 // What one view says. Pixels of the camera image.
 struct ViewDrift {
@@ -49,9 +50,10 @@ struct ViewDrift {
 // may have tags of other views. Uncertain turns count with two standard deviations, and what is no
 // shift, turn and growth twelve times: near things move more than tags behind them, if a camera was
 // carried. Tags that disagree with most count as well: they may have been moved, or be nearer to a
-// camera that was carried. With such tags the view is not checked.
+// camera that was carried. With such tags the view is not checked. Nor is it, if `has_noise`, where
+// every corner is the same to the last digit: `after` is of images of then.
 ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
                       const std::map<SeenTag, TagSighting>& before,
-                      const std::map<SeenTag, TagSighting>& after);
+                      const std::map<SeenTag, TagSighting>& after, bool has_noise = true);
 
 }  // namespace silhouette

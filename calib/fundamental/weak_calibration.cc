@@ -10,6 +10,7 @@
 #include <set>
 #include <unsupported/Eigen/NonLinearOptimization>
 #include <unsupported/Eigen/NumericalDiff>
+#include <utility>
 
 #include "absl/strings/str_format.h"
 #include "calib/fundamental/epipolar_geometry.h"
@@ -22,6 +23,7 @@ constexpr int kFolds = 5;
 constexpr int kPlacesForFrames = 10;  // least number of places at which frames are held out
 constexpr double kDeviations = 4;
 constexpr double kMostOutliers = 0.3;
+constexpr int kWrongInRun = 8;  // tags by which the wrong ones of a run outnumber the right ones
 constexpr double kFewCovered = 0.25;  // of an image
 constexpr double kSpreadOdd = 2;
 constexpr double kBowed = 30;  // gain of the lenses
@@ -175,8 +177,68 @@ std::string WhyMargin(const ViewPair& pair, const WeakCalibration& found, double
   return off + ", by their own noise. Take sharper images, or show larger tags" + or_wider;
 }
 
+struct FrameRun {
+  int first = 0;
+  int last = 0;
+};
+
+// The run of frames in which wrong tags outnumber right ones by most; nothing if by too few: tags
+// that are wrong by themselves are scattered over the frames. A tag is wrong if most of its corners
+// are.
+std::optional<FrameRun> WrongFrames(const ViewPair& pair, const std::vector<bool>& fits) {
+  std::map<std::pair<int, int>, int> tags;  // by frame: wrong corners less right ones
+  for (size_t i = 0; i < fits.size(); ++i) {
+    tags[{pair.corners[i].frame, pair.corners[i].tag}] += fits[i] ? -1 : 1;
+  }
+  std::vector<int> excess(pair.frames.size());
+  for (const auto& [tag, wrong] : tags) {
+    excess[static_cast<size_t>(tag.first)] += wrong > 0 ? 1 : -1;
+  }
+  FrameRun run;
+  FrameRun worst;
+  int sum = 0;
+  int most = 0;
+  for (size_t i = 0; i < excess.size(); ++i) {
+    if (sum <= 0) {
+      sum = 0;
+      run.first = static_cast<int>(i);
+    }
+    sum += excess[i];
+    run.last = static_cast<int>(i);
+    if (sum <= most) continue;
+    most = sum;
+    worst = run;
+  }
+  return most < kWrongInRun ? std::nullopt : std::optional(worst);
+}
+
+// Whether frames show that something moved during the session. Boards in the corners of an image
+// that lenses bow are off the lines, too; then the other frames show such lenses.
+std::optional<std::string> WhyMoved(const ViewPair& pair, const RobustFit& fit, const ViewSizes& a,
+                                    const ViewSizes& b) {
+  const std::optional<FrameRun> run = WrongFrames(pair, fit.fits);
+  if (!run) return std::nullopt;
+  std::vector<bool> others = fit.roughly;
+  for (size_t i = 0; i < others.size(); ++i) {
+    const int frame = pair.corners[i].frame;
+    if (run->first <= frame && frame <= run->last) others[i] = false;
+  }
+  if (EstimateLenses(fit.fit.f, Chosen(pair.corners, others), a, b).gain > kBowed) {
+    return std::nullopt;
+  }
+  const int frames = run->last - run->first + 1;
+  const std::string& first = pair.frames[static_cast<size_t>(run->first)];
+  return absl::StrFormat(
+      "most tags of %s fit no matrix of the other frames: a camera moved, or the board while its "
+      "images were taken. Fasten the cameras and take the frames again; leave these frames out "
+      "only if no camera moved",
+      frames == 1 ? "the frame '" + first + "'"
+                  : absl::StrFormat("%d frames from '%s' on", frames, first));
+}
+
 std::optional<std::string> WhyRefused(const ViewPair& pair, const WeakCalibration& found,
-                                      double most_margin, PixelSize mask_a, PixelSize mask_b) {
+                                      const RobustFit& fit, double most_margin, const ViewSizes& a,
+                                      const ViewSizes& b) {
   const double share =
       static_cast<double>(found.outliers) / static_cast<double>(pair.corners.size());
   if (share > kMostOutliers) {
@@ -186,10 +248,11 @@ std::optional<std::string> WhyRefused(const ViewPair& pair, const WeakCalibratio
            "too: "
            "these need camera models";
   }
+  if (auto moved = WhyMoved(pair, fit, a, b)) return moved;
   if (found.margin > most_margin) {
     return "the matrix needs a margin of " + Number(found.margin) + " mask pixels, where " +
            Number(most_margin) +
-           " is allowed (--max-margin): " + WhyMargin(pair, found, most_margin, mask_a, mask_b);
+           " is allowed (--max-margin): " + WhyMargin(pair, found, most_margin, a.mask, b.mask);
   }
   return std::nullopt;
 }
@@ -231,7 +294,7 @@ WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const 
   result.margin = std::max(result.predicted_margin, result.held_out.margin) +
                   (result.bowed ? result.lenses.margin : 0);
   result.warnings = Warnings(pair, result, a, b);
-  result.refusal = WhyRefused(pair, result, most_margin, a.mask, b.mask);
+  result.refusal = WhyRefused(pair, result, *found, most_margin, a, b);
   return result;
 }
 

@@ -63,7 +63,8 @@ struct WeakCalibration {
   std::vector<std::string> warnings;  // in plain words
 };
 
-// `most_margin`: a matrix that needs more is refused. The same seed gives the same result.
+// `most_margin`: a matrix that needs more is refused, as is one that most tags of some frames
+// contradict, where lenses do not explain it: a camera moved. The same seed gives the same result.
 WeakCalibration CalibrateWeakly(const ViewPair& pair, const ViewSizes& a, const ViewSizes& b,
                                 double most_margin, uint32_t seed);
 

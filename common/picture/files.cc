@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/picture/files.h"
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -69,9 +70,18 @@ absl::Status WriteInPlace(const std::string& file_path, std::string_view bytes,
   return absl::OkStatus();
 }
 
+// Waits until a file, or a folder's list of files, is on the disk. An error of errno.
+int Sync(const std::string& path) {
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) return errno;
+  const int error = fsync(file) == 0 ? 0 : errno;
+  close(file);
+  return error;
+}
+
 }  // namespace
 
-absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
+absl::Status WriteWholeFile(const std::string& path, std::string_view bytes, Outlasts outlasts) {
   std::error_code error;
   const auto there = std::filesystem::status(path, error);
   const bool is_new = there.type() == std::filesystem::file_type::not_found;
@@ -89,8 +99,17 @@ absl::Status WriteWholeFile(const std::string& path, std::string_view bytes) {
     return nothing_beside ? WriteInPlace(path, bytes, path) : status;
   }
   if (replaces) std::filesystem::permissions(beside, there.permissions(), error);
+  if (outlasts == Outlasts::kPowerFailure) {
+    if (const int code = Sync(beside); code != 0) {
+      std::filesystem::remove(beside, error);
+      return FileError(code, path, "written");
+    }
+  }
   std::filesystem::rename(beside, target, error);
-  return error ? FileError(error.value(), path, "written") : absl::OkStatus();
+  if (error) return FileError(error.value(), path, "written");
+  // Some file systems cannot do this with folders.
+  if (outlasts == Outlasts::kPowerFailure) Sync(absolute(target).parent_path().string());
+  return absl::OkStatus();
 }
 
 absl::Status MakeFolder(const std::string& path) {

@@ -75,7 +75,7 @@ void AddPairs(const FoundCalibration& found, storage::v1::CalibrationRecord& rec
 std::vector<std::string> CameraFilesOf(const FoundCalibration& found, const std::string& file) {
   std::vector<std::string> files;
   if (found.cameras.empty()) return files;
-  const fs::path folder = fs::absolute(file).parent_path();
+  const fs::path folder = fs::absolute(file).lexically_normal().parent_path();
   for (const PairedView& view : found.views) {
     const fs::path camera = fs::absolute(found.cameras) / CameraFileName(view.name);
     files.push_back(camera.lexically_normal().lexically_relative(folder).string());
@@ -100,24 +100,26 @@ void SetFigure(const std::string& what, const std::string& of, double value, con
 
 absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSighting> fixed,
                           storage::v1::CalibrationRecord& record) {
-  ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
-  for (const PairedView& view : found.views) {
-    RETURN_IF_ERROR(CheckImageSize(fixed, view.name, view.sizes.image, "the stated image size"));
+  for (const TagSighting& seen : fixed) {
+    if (std::ranges::find(found.views, seen.view, &PairedView::name) == found.views.end()) {
+      return InvalidArgument("the fixed tags are of a view '", seen.view, "' that is not there");
+    }
   }
   record.clear_fixed_tags();
-  for (const auto& [key, mean] : means) {
-    const auto view = std::ranges::find(found.views, mean.view, &PairedView::name);
-    if (view == found.views.end()) {
-      return InvalidArgument("the fixed tags are of a view '", mean.view, "' that is not there");
-    }
-    storage::v1::FixedTag& tag = *record.add_fixed_tags();
-    tag.set_view(static_cast<int>(view - found.views.begin()));
-    tag.set_family(mean.family);
-    tag.set_tag(mean.tag);
-    tag.set_sigma(mean.sigma);
-    for (const Eigen::Vector2d& corner : mean.corners) {
-      tag.add_corners(corner.x());
-      tag.add_corners(corner.y());
+  for (size_t i = 0; i < found.views.size(); ++i) {
+    const PairedView& view = found.views[i];
+    RETURN_IF_ERROR(CheckImageSize(fixed, view.name, view.sizes.image, "the stated image size"));
+    ASSIGN_OR_RETURN(const auto means, MeanSightings(view.name, view.sizes, fixed));
+    for (const auto& [key, mean] : means) {
+      storage::v1::FixedTag& tag = *record.add_fixed_tags();
+      tag.set_view(static_cast<int>(i));
+      tag.set_family(mean.family);
+      tag.set_tag(mean.tag);
+      tag.set_sigma(mean.sigma);
+      for (const Eigen::Vector2d& corner : mean.corners) {
+        tag.add_corners(corner.x());
+        tag.add_corners(corner.y());
+      }
     }
   }
   return absl::OkStatus();
@@ -125,9 +127,11 @@ absl::Status SetFixedTags(const FoundCalibration& found, std::span<const TagSigh
 
 absl::StatusOr<std::vector<std::string>> CompareWithCameras(const FoundCalibration& found,
                                                             std::span<const TagSighting> fixed) {
-  ASSIGN_OR_RETURN(const auto means, MeanSightings(fixed));
   std::vector<TagSighting> tags;
-  for (const auto& [key, mean] : means) tags.push_back(mean);
+  for (const PairedView& view : found.views) {
+    ASSIGN_OR_RETURN(const auto means, MeanSightings(view.name, view.sizes, fixed));
+    for (const auto& [key, mean] : means) tags.push_back(mean);
+  }
   std::vector<bool> compared(found.views.size());
   std::vector<std::string> contradictions;
   for (const PairResult& pair : FindPairs(found.views, tags, {})) {
@@ -162,13 +166,17 @@ absl::Status WriteMatrices(const FoundCalibration& found, const std::string& fil
   return WriteWholeFile(file, MatrixFileText(calibration, CellOf(found)));
 }
 
-std::optional<storage::v1::CalibrationRecord> RecordOfFile(const FoundCalibration& found,
-                                                           const std::string& file) {
-  const absl::StatusOr<std::string> text = ReadWholeFile(file);
-  if (!text.ok() || !IsSessionFile(*text)) return std::nullopt;
-  const auto session = SessionFromText(*text, file, CellOf(found));
-  if (!session.ok() || session->camera_files.empty() ||
-      session->camera_files != CameraFilesOf(found, file)) {
+absl::StatusOr<std::optional<storage::v1::CalibrationRecord>> RecordOfFile(
+    const FoundCalibration& found, const std::string& file) {
+  if (!fs::exists(file)) return std::nullopt;
+  ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
+  const auto session = SessionFromText(text, file, CellOf(found));
+  if (!session.ok()) {
+    return absl::Status(session.status().code(),
+                        absl::StrCat(session.status().message(), "; correct '", file,
+                                     "', or remove it, for a new one in its place"));
+  }
+  if (session->camera_files.empty() || session->camera_files != CameraFilesOf(found, file)) {
     return std::nullopt;
   }
   return session->calibration.record();

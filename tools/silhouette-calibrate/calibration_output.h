@@ -41,9 +41,10 @@ absl::Status WriteMatrices(const FoundCalibration& found, const std::string& fil
 absl::Status WriteCalibrationFile(const FoundCalibration& found,
                                   storage::v1::CalibrationRecord record, const std::string& file);
 
-// The record of an existing calibration.yaml, if it names the same camera files.
-std::optional<storage::v1::CalibrationRecord> RecordOfFile(const FoundCalibration& found,
-                                                           const std::string& file);
+// The record of an existing calibration.yaml, if it names the same camera files. An existing file
+// that is no calibration.yaml of these views: the errors of its readers, with the mend.
+absl::StatusOr<std::optional<storage::v1::CalibrationRecord>> RecordOfFile(
+    const FoundCalibration& found, const std::string& file);
 
 // Replaces the record's fixed tags, those that stay in the cell. InvalidArgument if a tag moved
 // between frames, or if its view is not among `found.views`.

@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -74,9 +75,10 @@ struct Checked {
 using Sightings = std::map<SeenTag, TagSighting>;
 
 struct CellNow {
-  std::optional<Sightings> tags;                // nothing: they were not asked for
-  std::vector<cv::Mat> images;                  // by view; empty: as before
-  absl::Time written = absl::InfiniteFuture();  // the oldest of the files that it is read from
+  std::optional<std::vector<TagSighting>> tags;  // nothing: they were not asked for
+  std::set<std::string> without_noise;           // views whose images may repeat
+  std::vector<cv::Mat> images;                   // by view; empty: as before
+  absl::Time written = absl::InfiniteFuture();   // the oldest of the files that it is read from
 };
 
 // Long ago if that cannot be found.
@@ -100,8 +102,9 @@ absl::Status AddTags(const DetectSettings& settings, BoardDetector& detector, co
   return absl::OkStatus();
 }
 
-absl::StatusOr<Sightings> LookForTags(const CheckRequest& request, const Cell& cell,
-                                      CellCameras& cameras, ImageSet& last) {
+// `last`: the last set of images.
+absl::StatusOr<std::vector<TagSighting>> LookForTags(const CheckRequest& request, const Cell& cell,
+                                                     CellCameras& cameras, ImageSet& last) {
   ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(request.boards));
   BoardDetector detector(settings.boards);
   std::vector<TagSighting> sightings;
@@ -115,21 +118,19 @@ absl::StatusOr<Sightings> LookForTags(const CheckRequest& request, const Cell& c
               << absl::StrJoin(request.boards, ", ")
               << "; are they the boards that stay in the cell, and is the light on?" << std::endl;
   }
-  return MeanSightings(sightings);
+  return sightings;
 }
 
-// A sighting file's tags, each the mean of all frames. InvalidArgument, naming the file.
-absl::StatusOr<Sightings> ReadMeanSightings(const std::string& file,
-                                            const storage::v1::CellDescription& cell) {
+// InvalidArgument, naming the file.
+absl::StatusOr<std::vector<TagSighting>> ReadSightingsOf(const storage::v1::CellDescription& cell,
+                                                         const std::string& file) {
   ASSIGN_OR_RETURN(const std::vector<TagSighting> sightings, ReadSightings(file));
   for (const storage::v1::View& view : cell.views()) {
     RETURN_IF_ERROR(CheckImageSize(sightings, view.name(),
                                    {view.image_width(), view.image_height()},
                                    "its image size in the database"));
   }
-  auto means = MeanSightings(sightings);
-  if (means.ok()) return means;
-  return absl::Status(means.status().code(), absl::StrCat(file, ": ", means.status().message()));
+  return sightings;
 }
 
 // From files; an empty name skips its check.
@@ -138,7 +139,7 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
   CellNow now;
   if (!request.corners.empty()) {
     now.written = TimeOf(request.corners);
-    ASSIGN_OR_RETURN(now.tags, ReadMeanSightings(request.corners, cell));
+    ASSIGN_OR_RETURN(now.tags, ReadSightingsOf(cell, request.corners));
   }
   for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
@@ -166,9 +167,13 @@ absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell) {
                                      "; or take the images otherwise and give them (--images, or "
                                      "--corners of them)"));
   }
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
   CellNow now;
-  ImageSet set;
+  std::set<std::string> noisy;
+  for (const ViewSettings& view : cell.views) {
+    (view.has_noise ? noisy : now.without_noise).insert(view.name);
+  }
+  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig, noisy));
+  ASSIGN_OR_RETURN(ImageSet set, GrabSet(cameras));  // which a frozen camera repeats
   if (!request.boards.empty()) {
     ASSIGN_OR_RETURN(now.tags, LookForTags(request, cell, cameras, set));
   } else {
@@ -213,8 +218,20 @@ CheckedView Summary(const ViewDrift& drift, double limit) {
 
 absl::StatusOr<Sightings> TagsOfThen(const CheckRequest& request,
                                      const storage::v1::Calibration& stored,
-                                     const storage::v1::CellDescription& cell) {
-  if (!request.reference.empty()) return ReadMeanSightings(request.reference, cell);
+                                     const storage::v1::CellDescription& cell,
+                                     const std::vector<ViewSizes>& sizes) {
+  if (!request.reference.empty()) {
+    ASSIGN_OR_RETURN(const auto sightings, ReadSightingsOf(cell, request.reference));
+    Sightings means;
+    for (int i = 0; i < cell.views_size(); ++i) {
+      auto of_view = MeanSightings(cell.views(i).name(), sizes[static_cast<size_t>(i)], sightings);
+      if (!of_view.ok()) {
+        return InvalidArgument(request.reference, ": ", of_view.status().message());
+      }
+      means.merge(*of_view);
+    }
+    return means;
+  }
   Sightings before = FixedTagsOf(stored.record(), cell);
   if (!before.empty()) return before;
   return FailedPrecondition(
@@ -226,12 +243,21 @@ absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
                                               const storage::v1::Calibration& stored,
                                               const storage::v1::CellDescription& cell,
                                               const std::vector<ViewSizes>& sizes,
-                                              const Sightings& after) {
-  ASSIGN_OR_RETURN(const Sightings before, TagsOfThen(request, stored, cell));
+                                              const CellNow& now) {
+  ASSIGN_OR_RETURN(const Sightings before, TagsOfThen(request, stored, cell, sizes));
   std::vector<ViewDrift> drifts;
-  for (int i = 0; i < cell.views_size(); ++i) {
-    drifts.push_back(
-        DriftByTags(cell.views(i).name(), sizes[static_cast<size_t>(i)], before, after));
+  for (size_t i = 0; i < sizes.size(); ++i) {
+    const std::string& view = cell.views(static_cast<int>(i)).name();
+    const auto after = MeanSightings(view, sizes[i], *now.tags);
+    if (after.ok()) {
+      drifts.push_back(
+          DriftByTags(view, sizes[i], before, *after, !now.without_noise.contains(view)));
+    } else {
+      ViewDrift& drift = drifts.emplace_back();
+      drift.view = view;
+      drift.method = "tags";
+      drift.message = std::string(after.status().message());
+    }
   }
   return drifts;
 }
@@ -324,13 +350,20 @@ absl::Status CheckAsked(const CheckRequest& request) {
     return InvalidArgument(
         "--images needs --number, the configuration in which the robot is parked, and --cell");
   }
+  if (!request.live && request.images.empty() && (request.number || !request.cell.empty())) {
+    return InvalidArgument(
+        "--number and --cell compare the parked robot in --images or --live; give one of these, or "
+        "leave them out");
+  }
   return absl::OkStatus();
 }
 
 // If both checks ran for a view, the result is the larger motion. If one requested check could not
 // run, the view is not checked, unless the other one found a motion beyond the limit. Errors name
-// what is missing.
-absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
+// what is missing; `checked` then has the views, as far as they are known, as not checked.
+absl::Status CheckViews(const CheckRequest& request, Checked& checked) {
+  checked.check.time = absl::Now();
+  checked.check.limit_mask_px = request.limit;
   RETURN_IF_ERROR(CheckAsked(request));
   ASSIGN_OR_RETURN(const auto database, Database::Open(request.database, Database::Access::kRead));
   ASSIGN_OR_RETURN(const Snapshot snapshot, database->Read());
@@ -342,15 +375,15 @@ absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
         "import'");
   }
   const storage::v1::CellDescription& cell = database->cell();
-  Checked checked;
-  ASSIGN_OR_RETURN(checked.sizes, SizesOf(cell));
-  checked.check.time = absl::Now();
   checked.check.calibration = FingerprintOf(*stored);
-  checked.check.limit_mask_px = request.limit;
+  for (const storage::v1::View& view : cell.views()) {
+    checked.check.views.emplace_back().name = view.name();
+  }
+  ASSIGN_OR_RETURN(checked.sizes, SizesOf(cell));
   ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
   checked.check.time = std::min(checked.check.time, now.written);
   if (now.tags) {
-    ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, *now.tags));
+    ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, now));
   }
   if (!now.images.empty()) {
     ASSIGN_OR_RETURN(auto drifts,
@@ -363,10 +396,10 @@ absl::StatusOr<Checked> CheckViews(const CheckRequest& request) {
       }
     }
   }
-  for (const ViewDrift& drift : checked.drifts) {
-    checked.check.views.push_back(Summary(drift, request.limit));
+  for (size_t i = 0; i < checked.drifts.size(); ++i) {
+    checked.check.views[i] = Summary(checked.drifts[i], request.limit);
   }
-  return checked;
+  return absl::OkStatus();
 }
 
 struct CheckArguments {
@@ -434,11 +467,17 @@ nlohmann::ordered_json JsonOf(const Checked& checked) {
 
 absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   CatchStopSignals();
-  ASSIGN_OR_RETURN(const Checked checked, CheckViews(arguments.request));
+  Checked checked;
+  const absl::Status done = CheckViews(arguments.request, checked);
+  for (CheckedView& view : checked.check.views) {
+    if (!done.ok()) view.message = std::string(done.message());
+  }
   if (!arguments.out.empty()) {
-    // A server may be reading the one that is there: it stays whole.
+    // A server may be reading the one that is there: it stays whole. After an error the earlier
+    // result does not stay in force.
     RETURN_IF_ERROR(WriteWholeFile(arguments.out, CheckFileText(checked.check)));
   }
+  RETURN_IF_ERROR(done);
   if (!arguments.draw.empty()) {
     RETURN_IF_ERROR(Draw(arguments.draw, checked));
   }
@@ -494,7 +533,8 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   AddFormatOption(*command, a.format);
   command->footer(
       "Checks tags, the silhouette of the robot, or both; of both, the larger motion counts.\n"
-      "Exit code 1 if a camera moved by more than the limit, or could not be checked.\n"
+      "Exit code 1 if a camera moved by more than the limit, or could not be checked. After an "
+      "error\n--out states that no view was checked.\n"
       "Without --live the result is as old as the oldest of the files of --corners and --images.\n"
       "Example:\n"
       "  silhouette-calibrate check --database cell.lmdb --corners now.csv --out check.json\n"

@@ -5,9 +5,14 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
+#include <mutex>
 #include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <set>
+#include <string_view>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/strings/ascii.h"
@@ -17,9 +22,14 @@
 #include "absl/strings/str_replace.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/files/camera_file.h"
+#include "common/parallel/parallel.h"
 #include "common/picture/files.h"
+#include "common/picture/image_file.h"
+#include "common/picture/picture.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
+#include "tools/program/program.h"
+#include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/files.h"
 #include "tools/silhouette-calibrate/frame_files.h"
 #include "tools/silhouette-calibrate/pictures.h"
@@ -109,6 +119,30 @@ std::string HowToReadBag(const std::string& pattern, const std::string& view) {
                             "_filename_format:=",
                             file, "'"),
       "; then give --images '", view, "=", view, "/*.png'");
+}
+
+// Of 16 bits, of which cameras use 10, 12, 14 or all: as few as hold the image, but for a
+// thousandth of its pixels.
+cv::Mat EightBits(const cv::Mat& image) {
+  std::vector<uint16_t> levels(image.begin<uint16_t>(), image.end<uint16_t>());
+  const auto nearly_most = levels.begin() + static_cast<ptrdiff_t>(0.999 * levels.size());
+  std::ranges::nth_element(levels, nearly_most);
+  int bits = 10;
+  while (bits < 16 && *nearly_most >> bits != 0) bits += 2;
+  cv::Mat scaled;
+  image.convertTo(scaled, CV_8U, 255.0 / ((1 << bits) - 1));
+  return scaled;
+}
+
+// Whether a JPEG file ends before its image does: no end after the first scan's start.
+bool IsCutOff(std::string_view file) {
+  if (!file.starts_with("\xff\xd8")) return false;
+  const auto byte = [&](size_t at) { return static_cast<size_t>(static_cast<uint8_t>(file[at])); };
+  size_t at = 2;
+  while (at + 4 <= file.size() && byte(at) == 0xff && byte(at + 1) != 0xda) {
+    at += byte(at + 1) == 0xff ? 1 : 2 + 256 * byte(at + 2) + byte(at + 3);
+  }
+  return at >= file.size() || file.find("\xff\xd9", at) == std::string_view::npos;
 }
 
 }  // namespace
@@ -210,6 +244,59 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& de
   return tags;
 }
 
+absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
+  ASSIGN_OR_RETURN(const std::string file, ReadWholeFile(path));
+  if (IsCutOff(file)) {
+    return InvalidArgument("'", path,
+                           "' was cut off: its image has no end; copy it again, or remove it");
+  }
+  cv::Mat image = ImageOfBytes(
+      file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  if (image.empty()) {
+    return InvalidArgument("'", path,
+                           "' cannot be read as an image; remove it, or mend its view's "
+                           "pattern");
+  }
+  if (image.depth() == CV_16U) return EightBits(image);
+  if (image.depth() != CV_8U) {
+    return InvalidArgument("'", path, "' has neither 8 nor 16 bits a pixel; convert it to such");
+  }
+  return image;
+}
+
+absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
+                                 const DetectSettings& settings, const TakeTags& take) {
+  Progress progress("detect", images.size(), "images");
+  std::mutex mutex;                 // guards all below
+  std::vector<BoardDetector> idle;  // slow to make; one thread at a time may use each
+  absl::Status status;
+  size_t done = 0;
+  ParallelWhile(images.size(), [&](size_t i) {
+    if (StopRequested()) return false;
+    const ListedImage& file = images[i];
+    std::optional<BoardDetector> detector;
+    std::unique_lock lock(mutex);
+    if (!idle.empty()) {
+      detector = std::move(idle.back());
+      idle.pop_back();
+    }
+    lock.unlock();
+    if (!detector) detector.emplace(settings.boards);
+    const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
+    absl::StatusOr<ImageTags> tags = image.ok()
+                                         ? Look(settings, *detector, *image, file.view, file.frame)
+                                         : absl::StatusOr<ImageTags>(image.status());
+    lock.lock();
+    idle.push_back(*std::move(detector));
+    if (!status.ok()) return false;
+    status = tags.ok() ? take(i, *std::move(tags)) : tags.status();
+    if (status.ok()) progress.Update(++done);
+    return status.ok();
+  });
+  RETURN_IF_ERROR(status);
+  return done;
+}
+
 absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& session) {
   if (settings.draw.empty()) return absl::OkStatus();
   for (const auto& [view, coverage] : session.coverage()) {
@@ -228,6 +315,14 @@ cv::Mat GreyOf(const cv::Mat& image) {
   cv::Mat grey;
   cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
   return grey;
+}
+
+absl::StatusOr<CellCameras> CamerasOfViews(const Cell& cell, CameraRig& rig) {
+  std::set<std::string> noisy;
+  for (const ViewSettings& view : cell.views) {
+    if (view.has_noise) noisy.insert(view.name);
+  }
+  return CellCameras::Create(DescriptionOf(cell), rig, std::move(noisy));
 }
 
 absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras) {

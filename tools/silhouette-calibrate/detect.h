@@ -2,6 +2,7 @@
 // Tags in images: what both ways of `detect`, from files and live, share.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
@@ -14,6 +15,7 @@
 #include "calib/detection/detect_session.h"
 #include "calib/detection/image_tags.h"
 #include "capture/session/cell_cameras.h"
+#include "tools/cell/cell.h"
 
 namespace silhouette {
 
@@ -59,6 +61,18 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& de
                                const cv::Mat& image, const std::string& view,
                                const std::string& frame);
 
+// Grey, in the camera's own orientation whatever the file says of how to hold it; 8 bits.
+// InvalidArgument: the file is cut off, or no image. Otherwise the errors of ReadWholeFile.
+absl::StatusOr<cv::Mat> ReadImage(const std::string& path);
+
+// Takes what one image shows, by the image's place among all.
+using TakeTags = std::function<absl::Status(size_t image, ImageTags tags)>;
+
+// Looks at all images with all processors, and calls `take` for one at a time, in any order. The
+// first error, also one of `take`, or a stop signal ends it. Returns how many images were taken.
+absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
+                                 const DetectSettings& settings, const TakeTags& take);
+
 // The coverage pictures.
 absl::Status DrawCoverage(const DetectSettings& settings, const DetectSession& session);
 
@@ -67,6 +81,9 @@ absl::Status WriteSightings(const DetectSession& session, const std::string& out
 
 // 8 bits of grey.
 cv::Mat GreyOf(const cv::Mat& image);
+
+// The cameras of the cell's views; those whose images have noise must not repeat one.
+absl::StatusOr<CellCameras> CamerasOfViews(const Cell& cell, CameraRig& rig);
 
 // A set of images; CellCameras::Grab, with its messages on stderr.
 absl::StatusOr<ImageSet> GrabSet(CellCameras& cameras);

@@ -1,20 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-calibrate detect
 #include <algorithm>
-#include <cstddef>
-#include <cstdint>
 #include <filesystem>
 #include <iostream>
 #include <map>
 #include <memory>
-#include <mutex>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <set>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -25,16 +20,13 @@
 #include "calib/boards/tag_family.h"
 #include "calib/boards/vnl_file.h"
 #include "capture/session/cell_cameras.h"
-#include "common/parallel/parallel.h"
 #include "common/picture/files.h"
-#include "common/picture/image_file.h"
 #include "common/picture/picture.h"
 #include "common/result/result.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/cell.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/program.h"
-#include "tools/program/progress.h"
 #include "tools/silhouette-calibrate/commands.h"
 #include "tools/silhouette-calibrate/detect.h"
 #include "tools/silhouette-calibrate/files.h"
@@ -64,86 +56,6 @@ struct DetectArguments {
 absl::StatusOr<DetectSettings> SettingsFor(const DetectArguments& arguments,
                                            const std::vector<std::string>& views) {
   return LoadDetectSettings(arguments.boards, arguments.cameras, views, arguments.draw);
-}
-
-// Of 16 bits, of which cameras use 10, 12, 14 or all: as few as hold the image, but for a
-// thousandth of its pixels.
-cv::Mat EightBits(const cv::Mat& image) {
-  std::vector<uint16_t> levels(image.begin<uint16_t>(), image.end<uint16_t>());
-  const auto nearly_most = levels.begin() + static_cast<ptrdiff_t>(0.999 * levels.size());
-  std::ranges::nth_element(levels, nearly_most);
-  int bits = 10;
-  while (bits < 16 && *nearly_most >> bits != 0) bits += 2;
-  cv::Mat scaled;
-  image.convertTo(scaled, CV_8U, 255.0 / ((1 << bits) - 1));
-  return scaled;
-}
-
-// Whether a JPEG file ends before its image does: no end after the first scan's start.
-bool IsCutOff(std::string_view file) {
-  if (!file.starts_with("\xff\xd8")) return false;
-  const auto byte = [&](size_t at) { return static_cast<size_t>(static_cast<uint8_t>(file[at])); };
-  size_t at = 2;
-  while (at + 4 <= file.size() && byte(at) == 0xff && byte(at + 1) != 0xda) {
-    at += byte(at + 1) == 0xff ? 1 : 2 + 256 * byte(at + 2) + byte(at + 3);
-  }
-  return at >= file.size() || file.find("\xff\xd9", at) == std::string_view::npos;
-}
-
-// Grey, in the camera's own orientation whatever the file says of how to hold it.
-absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
-  ASSIGN_OR_RETURN(const std::string file, ReadWholeFile(path));
-  if (IsCutOff(file)) {
-    return InvalidArgument("'", path,
-                           "' was cut off: its image has no end; copy it again, or remove it");
-  }
-  cv::Mat image = ImageOfBytes(
-      file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
-  if (image.empty()) {
-    return InvalidArgument("'", path,
-                           "' cannot be read as an image; remove it, or mend its view's "
-                           "pattern");
-  }
-  if (image.depth() == CV_16U) return EightBits(image);
-  if (image.depth() != CV_8U) {
-    return InvalidArgument("'", path, "' has neither 8 nor 16 bits a pixel; convert it to such");
-  }
-  return image;
-}
-
-// Looks at all images with all processors. The first mistake, or a stop signal, ends it. Returns
-// how many images were looked at.
-absl::StatusOr<size_t> DetectAll(const std::vector<ListedImage>& images,
-                                 const DetectSettings& settings, DetectSession& session) {
-  Progress progress("detect", images.size(), "images");
-  std::mutex mutex;                 // guards all below
-  std::vector<BoardDetector> idle;  // slow to make; one thread at a time may use each
-  absl::Status status;
-  size_t done = 0;
-  ParallelWhile(images.size(), [&](size_t i) {
-    if (StopRequested()) return false;
-    const ListedImage& file = images[i];
-    std::optional<BoardDetector> detector;
-    std::unique_lock lock(mutex);
-    if (!idle.empty()) {
-      detector = std::move(idle.back());
-      idle.pop_back();
-    }
-    lock.unlock();
-    if (!detector) detector.emplace(settings.boards);
-    const absl::StatusOr<cv::Mat> image = ReadImage(file.path);
-    absl::StatusOr<ImageTags> tags = image.ok()
-                                         ? Look(settings, *detector, *image, file.view, file.frame)
-                                         : absl::StatusOr<ImageTags>(image.status());
-    lock.lock();
-    idle.push_back(*std::move(detector));
-    if (!status.ok()) return false;
-    status = tags.ok() ? session.Add(*std::move(tags), file.path) : tags.status();
-    if (status.ok()) progress.Update(++done);
-    return status.ok();
-  });
-  RETURN_IF_ERROR(status);
-  return done;
 }
 
 // For those who gave the wrong boards: what the first images show of other boards, of tags of
@@ -226,6 +138,30 @@ absl::Status CheckThatTagsWereSeen(const DetectSession& session,
                   ": is --boards the right file?");
 }
 
+// Gives the corners' file the time of the oldest of the files that they come from: what it shows is
+// as old, whenever it is written.
+absl::Status DateBack(const std::string& out, const std::vector<std::string>& sources) {
+  if (!fs::is_regular_file(out)) return absl::OkStatus();
+  std::error_code error;
+  for (const std::string& source : sources) {
+    const fs::file_time_type taken = fs::last_write_time(source, error);
+    if (!error && taken < fs::last_write_time(out, error)) fs::last_write_time(out, taken, error);
+    if (error) {
+      return FailedPrecondition("'", out, "' cannot have the time of '", source,
+                                "': ", error.message(), "; take another --out");
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WriteCorners(const DetectArguments& arguments, const DetectSession& session) {
+  RETURN_IF_ERROR(WriteSightings(session, arguments.out));
+  if (!arguments.cell.empty()) return absl::OkStatus();
+  std::vector<std::string> sources;
+  for (const SessionImage& image : session.images()) sources.push_back(image.source);
+  return DateBack(arguments.out, sources);
+}
+
 absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& session) {
   ASSIGN_OR_RETURN(const std::vector<ListedImage> images, ListImages(arguments.images));
   std::vector<std::string> views;
@@ -233,18 +169,26 @@ absl::Status DetectInFiles(const DetectArguments& arguments, DetectSession& sess
     if (views.empty() || views.back() != image.view) views.push_back(image.view);
   }
   ASSIGN_OR_RETURN(const DetectSettings settings, SettingsFor(arguments, views));
-  ASSIGN_OR_RETURN(const size_t done, DetectAll(images, settings, session));
+  ASSIGN_OR_RETURN(const size_t done, DetectAll(images, settings, [&](size_t i, ImageTags tags) {
+                     return session.Add(std::move(tags), images[i].path);
+                   }));
   if (done == images.size()) {
     RETURN_IF_ERROR(CheckThatTagsWereSeen(session, images, FamiliesOf(settings.boards)));
     RETURN_IF_ERROR(CheckChessboardSize(session, settings.boards));
   }
   RETURN_IF_ERROR(DrawCoverage(settings, session));
   if (done == images.size()) return absl::OkStatus();
+  const std::string stopped =
+      absl::StrCat("stopped after ", done, " of ", images.size(), " images; ");
+  if (fs::exists(arguments.out)) {
+    return absl::CancelledError(absl::StrCat(stopped, arguments.out, " is left as it was"));
+  }
   session.Judge();
-  RETURN_IF_ERROR(WriteSightings(session, arguments.out));
-  return absl::CancelledError(absl::StrCat("stopped after ", done, " of ", images.size(),
-                                           " images; what they show is in ", arguments.out));
+  RETURN_IF_ERROR(WriteCorners(arguments, session));
+  return absl::CancelledError(absl::StrCat(stopped, "what they show is in ", arguments.out));
 }
+
+std::string FrameOfSet(int number) { return absl::StrFormat("%04d", number); }
 
 // One set after the other.
 class LiveDetection {
@@ -260,7 +204,7 @@ class LiveDetection {
   int kept() const { return kept_; }
 
   absl::Status Take(const ImageSet& set) {
-    const std::string frame = absl::StrFormat("%04d", kept_ + 1);
+    const std::string frame = FrameOfSet(kept_ + 1);
     std::vector<ImageTags> found;
     std::vector<cv::Mat> greys;
     for (size_t v = 0; v < views_.size(); ++v) {
@@ -317,6 +261,29 @@ void Wait(double seconds) {
   while (!StopRequested() && absl::Now() < until) absl::SleepFor(absl::Milliseconds(20));
 }
 
+// AlreadyExists: live images would be kept among other ones.
+absl::Status CheckSaveFolder(const DetectArguments& arguments, const Cell& cell) {
+  if (arguments.overwrite || arguments.save.empty()) return absl::OkStatus();
+  for (const ViewSettings& view : cell.views) {
+    const fs::path folder = fs::path(arguments.save) / view.name;
+    std::error_code error;  // the folder is not there
+    if (fs::directory_iterator(folder, error) == fs::directory_iterator()) continue;
+    return absl::AlreadyExistsError("'" + folder.string() +
+                                    "' has files already; take another --save, or --overwrite");
+  }
+  return absl::OkStatus();
+}
+
+// Those of a live session, so that the folder has images of one session only.
+void RemoveSavedImages(const DetectArguments& arguments, const std::vector<std::string>& views) {
+  if (arguments.save.empty()) return;
+  for (const std::string& view : views) {
+    const fs::path folder = fs::path(arguments.save) / view;
+    std::error_code error;
+    for (int set = 1; fs::remove(folder / (FrameOfSet(set) + ".png"), error); ++set) continue;
+  }
+}
+
 // Grabs sets of images from the cell's cameras until there are enough or a stop was asked for.
 absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session) {
   if (!arguments.overwrite && fs::exists(arguments.out)) {
@@ -324,16 +291,18 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
                                     "' is there already; take another --out, or --overwrite");
   }
   ASSIGN_OR_RETURN(const auto cell, LoadCell(arguments.cell));
+  RETURN_IF_ERROR(CheckSaveFolder(arguments, cell));
   auto rig = OpenCamerasOfCell(cell, true);
   if (!rig.ok()) {
     return absl::Status(rig.status().code(),
                         absl::StrCat(rig.status().message(),
                                      "; or take the images otherwise and give them (--images)"));
   }
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig));
+  ASSIGN_OR_RETURN(auto cameras, CamerasOfViews(cell, **rig));
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) views.push_back(view.name);
   ASSIGN_OR_RETURN(const auto settings, SettingsFor(arguments, views));
+  RemoveSavedImages(arguments, views);
 
   if (arguments.count == 0) {
     std::cerr << "Move the board; sets in which it has moved are kept. Ctrl-C ends." << std::endl;
@@ -344,7 +313,11 @@ absl::Status DetectLive(const DetectArguments& arguments, DetectSession& session
     RETURN_IF_ERROR(detection.Take(set));
     if (detection.kept() != arguments.count || arguments.count == 0) Wait(arguments.interval);
   }
-  return DrawCoverage(settings, session);
+  RETURN_IF_ERROR(DrawCoverage(settings, session));
+  if (detection.kept() >= arguments.count) return absl::OkStatus();
+  return absl::CancelledError(
+      absl::StrCat("stopped after ", detection.kept(), " of ", arguments.count, " sets",
+                   detection.kept() == 0 ? "" : "; what they show is in " + arguments.out));
 }
 
 // The one board that a corners.vnl is of.
@@ -395,6 +368,7 @@ absl::StatusOr<ExitCode> Convert(const DetectArguments& arguments) {
                            " images matches --images; the first is '", images.begin()->first, "'");
   }
   RETURN_IF_ERROR(WriteWholeFile(arguments.out, SightingFileText(sightings)));
+  RETURN_IF_ERROR(DateBack(arguments.out, {arguments.corners}));
   PrintResult(arguments.format,
               {{"out", arguments.out}, {"sightings", sightings.size()}, {"images", taken}},
               absl::StrCat("wrote ", arguments.out, ": ", sightings.size(), " corners or tags of ",
@@ -408,18 +382,19 @@ absl::StatusOr<ExitCode> RunDetect(const DetectArguments& arguments) {
   DetectSession session;
   absl::Status status =
       arguments.cell.empty() ? DetectInFiles(arguments, session) : DetectLive(arguments, session);
-  if (absl::IsCancelled(status)) {
+  const bool stopped = absl::IsCancelled(status);
+  if (stopped) {
     std::cerr << status.message() << std::endl;
-    return kNo;
+    if (arguments.cell.empty() || session.images().empty()) return kNo;
   }
   session.Judge();
   if (status.ok()) status = session.CheckThatTagsWereSeen();
-  RETURN_IF_ERROR(status);
-  RETURN_IF_ERROR(WriteSightings(session, arguments.out));
+  if (!status.ok() && !stopped) return status;
+  RETURN_IF_ERROR(WriteCorners(arguments, session));
   RETURN_IF_ERROR(WriteVnl(arguments, session));
   PrintResult(arguments.format, DetectionJson(session, arguments.out),
               DetectionText(session, arguments.out));
-  return kDone;
+  return stopped ? kNo : kDone;
 }
 
 }  // namespace
@@ -460,7 +435,8 @@ void AddDetectCommand(CLI::App& program, Run& run) {
                       "Folder with a .cameramodel file per view: corners are then "
                       "more exact. Run `detect` again with it when the lenses are known");
   command->add_option("--out", a->out, "Corners (CSV)")->required();
-  command->add_flag("--overwrite", a->overwrite, "Live: replace OUT if it is there");
+  command->add_flag("--overwrite", a->overwrite,
+                    "Live: replace OUT, and the images of a live session in the --save folder");
   command->add_option("--draw", a->draw, "Folder for pictures of what was seen, and of coverage");
   AddFormatOption(*command, a->format);
   command->footer(

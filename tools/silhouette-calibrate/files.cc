@@ -34,19 +34,22 @@ absl::StatusOr<double> JointValue(const RobotModel& robot, AngleUnit unit, const
                                   const CsvRow& row, size_t column) {
   const std::optional<size_t> joint = robot.JointIndex(name);
   const bool turns = !joint || robot.joints()[*joint].type != JointType::kPrismatic;
+  const bool stated = unit != AngleUnit::kRadians || StatesUnit(row.Text(column));
   double value = 0;
   try {
     value = ParseJointValue(row.Text(column), turns ? unit : AngleUnit::kRadians);
   } catch (const std::invalid_argument& error) {
     return InvalidArgument(row.place(), ": '", name, "': ", error.what());
   }
-  if (turns && std::abs(value) > 1.01 * kFullTurn) {
-    return InvalidArgument(absl::StrFormat(
-        "%s: '%s' is %g rad, more than a full turn; if it is in degrees write %sdeg, or give "
-        "--degrees",
-        row.place(), name, value, row.Text(column)));
-  }
-  return value;
+  // RobotModel::Positions looks at the limits of what does not look like degrees.
+  if (!joint || !turns || stated || std::abs(value) <= 1.01 * kFullTurn) return value;
+  const RobotJoint& of_model = robot.joints()[*joint];
+  const bool has_limits = of_model.type != JointType::kContinuous;
+  if (has_limits && value >= of_model.lower && value <= of_model.upper) return value;
+  return InvalidArgument(absl::StrFormat(
+      "%s: '%s' is %g rad, more than a full turn; if it is in degrees write %sdeg, or give "
+      "--degrees; if it is in radians write %srad",
+      row.place(), name, value, row.Text(column), row.Text(column)));
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 #include "tools/silhouette-calibrate/frame_files.h"
 
 #include <glob.h>
+
+#include <algorithm>
 #include <filesystem>
 #include <regex>
 
@@ -12,6 +14,18 @@ namespace silhouette {
 namespace {
 
 namespace fs = std::filesystem;
+
+// In the order of paths, without hidden ones.
+std::vector<std::string> FilesIn(const std::string& folder) {
+  std::vector<std::string> paths;
+  std::error_code error;  // there are none that can be read
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const bool hidden = entry.path().filename().string().starts_with('.');
+    if (!hidden && entry.is_regular_file(error)) paths.push_back(entry.path().string());
+  }
+  std::ranges::sort(paths);
+  return paths;
+}
 
 std::vector<std::string> Matches(const std::string& pattern) {
   glob_t found{};
@@ -72,7 +86,7 @@ std::vector<FrameFile> FilesOfFrames(const std::string& pattern) {
   std::error_code error;
   const bool folder = fs::is_directory(pattern, error);
   std::vector<FrameFile> files;
-  for (const std::string& path : Matches(folder ? (fs::path(pattern) / "*").string() : pattern)) {
+  for (const std::string& path : (folder ? FilesIn(pattern) : Matches(pattern))) {
     files.push_back({folder ? fs::path(path).stem().string() : FrameOf(path, pattern), path});
   }
   return files;

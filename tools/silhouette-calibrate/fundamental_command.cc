@@ -388,7 +388,7 @@ absl::Status GuardCameras(const FoundCalibration& found, std::span<const TagSigh
 
 // calibration.yaml; what an earlier one says of the same cameras stays.
 absl::Status WriteRecord(const FundamentalArguments& arguments, const FoundCalibration& found) {
-  std::optional<storage::v1::CalibrationRecord> record = RecordOfFile(found, arguments.calibration);
+  ASSIGN_OR_RETURN(auto record, RecordOfFile(found, arguments.calibration));
   if (!record) {
     record.emplace();
     record->set_program(absl::StrCat("silhouette-calibrate fundamental, ",

@@ -71,7 +71,8 @@ absl::StatusOr<std::optional<PixelSize>> SizeGivenFor(const IntrinsicsArguments&
 
 // "fx,fy,cx,cy" and distortion coefficients, as OpenCV's YAML; empty: `text` is no such list.
 std::string CameraOfNumbers(const std::string& text) {
-  const std::vector<std::string> numbers = absl::StrSplit(text, absl::ByAnyChar(", "));
+  const std::vector<std::string> numbers =
+      absl::StrSplit(text, absl::ByAnyChar(", "), absl::SkipEmpty());
   double value = 0;
   const auto is_number = [&](const std::string& one) { return absl::SimpleAtod(one, &value); };
   if (numbers.size() < 4 || !std::ranges::all_of(numbers, is_number)) return "";

@@ -24,6 +24,7 @@
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
+#include "tools/cell/devices/stop_command.h"
 #include "tools/program/for_shell.h"
 #include "tools/program/joint_values.h"
 #include "tools/program/lengths.h"
@@ -61,7 +62,7 @@ struct RunArguments {
 
 constexpr int kLeastFrames = 3;
 constexpr size_t kWristJoints = 3;
-constexpr double kWristRange = std::numbers::pi / 3;
+constexpr double kWristRange = std::numbers::pi / 3;  // of joints that turn
 
 absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
                                           const std::string& name) {
@@ -79,30 +80,18 @@ absl::StatusOr<std::string> FlangeBoardOf(const std::vector<Board>& boards,
                          ListOfWords(names));
 }
 
-PosePlan::Positions RestOf(const Cell& cell, const RobotModel& robot) {
-  PosePlan::Positions rest;
-  for (const RobotJoint& joint : robot.joints()) {
-    rest.push_back(std::clamp(0.0, joint.lower, joint.upper));
-  }
-  for (const FixedJoint& joint : cell.fixed_joints) {
-    if (const auto index = robot.JointIndex(joint.name)) rest[*index] = joint.position;
-  }
-  return rest;
-}
-
-std::vector<MovingJoint> UsualJoints(const Cell& cell, const RobotModel& robot,
-                                     const SessionSettings& settings) {
+std::vector<MovingJoint> UsualJoints(const Cell& cell, const RobotModel& robot, size_t flange) {
   std::vector<MovingJoint> moving;
   for (const GridJoint& joint : cell.grid.joints()) {
     moving.push_back({robot.JointIndex(joint.name).value(), joint.lower, joint.upper});
   }
-  const std::vector<size_t> chain = JointsTo(robot, settings.flange);
+  const std::vector<size_t> chain = JointsTo(robot, flange);
   for (size_t i = chain.size() - std::min(kWristJoints, chain.size()); i < chain.size(); ++i) {
-    const bool in_grid = std::ranges::count(moving, chain[i], &MovingJoint::joint) > 0;
-    if (in_grid) continue;
     const RobotJoint& joint = robot.joints()[chain[i]];
-    moving.push_back({chain[i], std::max(joint.lower, settings.rest[chain[i]] - kWristRange),
-                      std::min(joint.upper, settings.rest[chain[i]] + kWristRange)});
+    const auto fixed = std::ranges::find(cell.fixed_joints, joint.name, &FixedJoint::name);
+    if (fixed == cell.fixed_joints.end() || joint.type == JointType::kPrismatic) continue;
+    moving.push_back({chain[i], std::max(joint.lower, fixed->position - kWristRange),
+                      std::min(joint.upper, fixed->position + kWristRange)});
   }
   return moving;
 }
@@ -188,8 +177,7 @@ absl::StatusOr<SessionSettings> SettingsOf(const RunArguments& arguments, const 
   ASSIGN_OR_RETURN(settings.flange_board,
                    FlangeBoardOf(settings.tags.boards, arguments.flange_board));
   ASSIGN_OR_RETURN(settings.flange, FlangeLink(robot, arguments.flange_link));
-  settings.rest = RestOf(cell, robot);
-  settings.joints = UsualJoints(cell, robot, settings);
+  settings.joints = UsualJoints(cell, robot, settings.flange);
   if (!arguments.joints.empty()) settings.joints.clear();
   for (const std::string& range : arguments.joints) {
     ASSIGN_OR_RETURN(const auto joint, ParseRange(range, robot));
@@ -312,6 +300,14 @@ void AddWarnings(const QualityReport& report, const PoseSolution& solution,
   }
 }
 
+// After a refusal.
+void WarnOfEarlierCameras(const RunArguments& arguments) {
+  const std::string cameras = InFolder(arguments, "cameras");
+  if (!fs::exists(cameras)) return;
+  std::cerr << "silhouette-calibrate: no cameras are written; those in '" << cameras
+            << "' are of an earlier solution: do not use them" << std::endl;
+}
+
 // `found`: the lenses, where they were not given.
 absl::StatusOr<ExitCode> RunSolve(const RunArguments& arguments, const Cell& cell,
                                   const std::optional<FoundLenses>& found) {
@@ -326,6 +322,7 @@ absl::StatusOr<ExitCode> RunSolve(const RunArguments& arguments, const Cell& cel
   sources.cell = arguments.cell;  // for the report's workspace
   ASSIGN_OR_RETURN(const PoseProblem problem, ReadPoseProblem(sources));
   const absl::StatusOr<PoseSolution> solution = CalibratePosesInSteps(problem);
+  if (!solution.ok()) WarnOfEarlierCameras(arguments);
   if (absl::IsFailedPrecondition(solution.status())) {
     std::cerr << "silhouette-calibrate: " << solution.status().message() << std::endl;
     ASSIGN_OR_RETURN(const auto judged, ReportOnSession(arguments, problem, sources));
@@ -380,6 +377,10 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   if (const auto guess = GuessedFlangeLink(robot, arguments.flange_link); !guess.empty()) {
     std::cerr << "silhouette-calibrate: " << guess << std::endl;
   }
+  if (arguments.resume && !fs::exists(settings.folder)) {
+    return NotFound("there is no session '", settings.folder,
+                    "' to go on with; correct --out, or leave --resume out");
+  }
   RETURN_IF_ERROR(MakeFolder(settings.folder));
   ASSIGN_OR_RETURN(auto record, ReadRecord(settings.folder, robot, settings.flange));
   if (!arguments.resume && !record.frames.empty()) {
@@ -387,11 +388,21 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
         absl::StrCat("'", settings.folder, "' has ", record.frames.size(),
                      " frames of a session; go on with it (--resume), or name another folder"));
   }
-  // The solution reads the files: robot_poses.csv is that of the robot's model as it is now.
-  if (!record.frames.empty()) RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
+  if (!record.frames.empty()) {
+    if (!fs::exists(InFolder(arguments, "corners.csv"))) {
+      std::vector<std::string> views;
+      for (const ViewSettings& view : cell.views) views.push_back(view.name);
+      ASSIGN_OR_RETURN(record.sightings,
+                       DetectAgain(settings.folder, record.frames, views, settings.tags));
+    }
+    // The solution reads the files: robot_poses.csv is that of the robot's model as it is now.
+    RETURN_IF_ERROR(WriteRecord(settings.folder, robot, record));
+  }
   // A session that has its frames needs no robot.
   if (!arguments.poses.empty() || record.frames.size() < arguments.frames) {
     ASSIGN_OR_RETURN(const auto devices, OpenDevicesForCalibration(cell));
+    // For SIGHUP and a second Ctrl-C; at the first, RecordSession stops the robot.
+    const HaltOnSignals halt(StopCommandTo(*devices.robot));
     const absl::Status recorded =
         RecordSession(cell, robot, settings, *devices.robot, *devices.cameras, record);
     if (!recorded.ok()) return TellHowToGoOn(arguments, recorded, record.frames.size());
@@ -399,6 +410,7 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   std::optional<FoundLenses> found;
   if (arguments.cameras.empty()) {
     auto lenses = FindLenses(cell, robot, settings, record);
+    if (!lenses.ok()) WarnOfEarlierCameras(arguments);
     if (absl::IsFailedPrecondition(lenses.status())) {
       std::cerr
           << "silhouette-calibrate: " << lenses.status().message()
@@ -435,7 +447,8 @@ void AddOptions(CLI::App& command, RunArguments& a) {
   command
       .add_option("--joint", a.joints,
                   "name=lower:upper: a joint that may be moved, and how far; default: those of the "
-                  "grid in its range,\nthe last three up to 60 deg from where they stand")
+                  "grid in its range,\nthose of the last three that turn up to 60 deg from where "
+                  "they are fixed; others do not move")
       ->allow_extra_args(false);
   TakeLengths(command.add_option(
       "--floor", a.floor,

@@ -5,11 +5,10 @@
 #include <filesystem>
 #include <iostream>
 #include <map>
-#include <opencv2/core/mat.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <set>
 #include <stop_token>
 #include <thread>
+#include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -21,9 +20,10 @@
 #include "calib/detection/image_tags.h"
 #include "calib/poses/pose_files.h"
 #include "calib/robot/floor_check.h"
+#include "capture/devices/joint_deviation.h"
+#include "capture/session/cell_cameras.h"
 #include "capture/session/travel.h"
 #include "common/picture/files.h"
-#include "common/picture/image_file.h"
 #include "common/picture/picture.h"
 #include "db/status/status_macros.h"
 #include "tools/program/program.h"
@@ -126,7 +126,7 @@ std::vector<std::string> ViewsOfFlangeBoard(const SessionSettings& settings,
 class Recorder {
  public:
   Recorder(const Cell& cell, const RobotModel& robot, const SessionSettings& settings,
-           Robot& driver, CameraRig& cameras)
+           Robot& driver, CellCameras& cameras)
       : cell_(cell),
         robot_(robot),
         settings_(settings),
@@ -160,24 +160,32 @@ class Recorder {
   absl::StatusOr<std::vector<std::string>> TakeFrame(const std::string& frame,
                                                      SessionRecord& record) {
     ASSIGN_OR_RETURN(const PosePlan::Positions positions, Measure());
-    ASSIGN_OR_RETURN(const std::vector<CameraImage> images, cameras_.Grab());
-    std::vector<Picture> pictures;
+    ASSIGN_OR_RETURN(const ImageSet set, GrabSet(cameras_));
+    ASSIGN_OR_RETURN(const PosePlan::Positions after, Measure());
+    const JointDeviation moved = DeviationOf(positions, after);
+    if (moved.deviation > cell_.capture.joint_tolerance) {
+      const RobotJoint& joint = robot_.joints()[moved.joint];
+      return absl::AbortedError(absl::StrFormat(
+          "%s moved by %.4f %s while images were taken, more than %.4f (capture: "
+          "joint_tolerance); raise capture: settle",
+          joint.name, moved.deviation, joint.type == JointType::kPrismatic ? "m" : "rad",
+          cell_.capture.joint_tolerance));
+    }
     std::vector<TagSighting> sightings;
-    for (size_t v = 0; v < images.size(); ++v) {
-      const std::string& view = cameras_.views()[v];
-      const CameraImage& image = images[v];
-      pictures.push_back(PictureOfPixels(image.width, image.height, image.channels, image.pixels));
+    for (size_t v = 0; v < set.images.size(); ++v) {
+      const std::string& view = cell_.views[v].name;
       ASSIGN_OR_RETURN(const ImageTags tags,
-                       Look(settings_.tags, detector_, pictures.back(), view, frame));
+                       Look(settings_.tags, detector_, set.images[v], view, frame));
       const std::vector<TagSighting> found = SightingsOf(tags);
       sightings.insert(sightings.end(), found.begin(), found.end());
     }
     const std::vector<std::string> views = ViewsOfFlangeBoard(settings_, sightings, frame);
     if (views.empty()) return views;
-    for (size_t v = 0; v < pictures.size(); ++v) {
-      const fs::path place = fs::path(settings_.folder) / "images" / cameras_.views()[v];
+    for (size_t v = 0; v < set.images.size(); ++v) {
+      const fs::path place = fs::path(settings_.folder) / "images" / cell_.views[v].name;
       RETURN_IF_ERROR(MakeFolder(place.string()));
-      RETURN_IF_ERROR(WritePng((place / (frame + ".png")).string(), pictures[v]));
+      RETURN_IF_ERROR(WriteWholeFile((place / (frame + ".png")).string(), EncodePng(set.images[v]),
+                                     Outlasts::kPowerFailure));
     }
     record.frames.push_back(frame);
     record.positions.push_back(positions);
@@ -188,6 +196,14 @@ class Recorder {
   }
 
  private:
+  JointDeviation DeviationOf(const PosePlan::Positions& from, const PosePlan::Positions& to) const {
+    std::vector<bool> continuous;
+    for (const RobotJoint& joint : robot_.joints()) {
+      continuous.push_back(joint.type == JointType::kContinuous);
+    }
+    return GreatestDeviation(from, to, continuous);
+  }
+
   // Stops the robot if a stop signal comes before it has arrived. Repeats the stop, as the robot
   // may be about to start.
   void StopIfAsked(const std::stop_token& arrived) {
@@ -204,9 +220,22 @@ class Recorder {
   const RobotModel& robot_;
   const SessionSettings& settings_;
   Robot& driver_;
-  CameraRig& cameras_;
+  CellCameras& cameras_;
   BoardDetector detector_;
 };
+
+// Where joints stand that are not moved, if the robot stands at `here` now.
+PosePlan::Positions RestOf(const Cell& cell, const RobotModel& robot, PosePlan::Positions here) {
+  for (const FixedJoint& joint : cell.fixed_joints) {
+    here[robot.JointIndex(joint.name).value()] = joint.position;
+  }
+  for (const GridJoint& joint : cell.grid.joints()) {
+    if (joint.continuous) continue;  // it may stand in another turn
+    double& position = here[robot.JointIndex(joint.name).value()];
+    position = std::clamp(position, joint.lower, joint.upper);
+  }
+  return here;
+}
 
 std::string FrameName(uint32_t number) { return absl::StrFormat("%04d", number); }
 
@@ -243,18 +272,20 @@ void ReportFrames(const SessionSettings& settings, const SessionRecord& record, 
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
                          const SessionRecord& record) {
   // Corners last: frames without a robot pose would be of no use, the other way round does no harm.
-  RETURN_IF_ERROR(WriteWholeFile(PathIn(folder, "joints.csv"), JointsText(robot, record)));
-  RETURN_IF_ERROR(
-      WriteWholeFile(PathIn(folder, "robot_poses.csv"), RobotPoseFileText(record.robot_poses)));
-  return WriteWholeFile(PathIn(folder, "corners.csv"), SightingFileText(record.sightings));
+  const auto write = [&](const std::string& name, const std::string& text) {
+    return WriteWholeFile(PathIn(folder, name), text, Outlasts::kPowerFailure);
+  };
+  RETURN_IF_ERROR(write("joints.csv", JointsText(robot, record)));
+  RETURN_IF_ERROR(write("robot_poses.csv", RobotPoseFileText(record.robot_poses)));
+  return write("corners.csv", SightingFileText(record.sightings));
 }
 
 absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
                                          size_t flange) {
   SessionRecord record;
   const std::string corners = PathIn(folder, "corners.csv");
-  if (!fs::exists(corners)) return record;
   const std::string joints = PathIn(folder, "joints.csv");
+  if (!fs::exists(corners) && !fs::exists(joints)) return record;
   ASSIGN_OR_RETURN(const std::string joints_text, ReadWholeFile(joints));
   ASSIGN_OR_RETURN(const auto rows, CsvRows(joints_text, joints, JointColumns(robot)));
   for (const CsvRow& row : rows) {
@@ -270,6 +301,7 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
     }
     record.robot_poses.push_back(PoseOf(robot, flange, row.Text(0), record.positions.back()));
   }
+  if (!fs::exists(corners)) return record;
   ASSIGN_OR_RETURN(record.sightings, ReadSightings(corners));
   const std::set<std::string> frames(record.frames.begin(), record.frames.end());
   std::erase_if(record.sightings,
@@ -281,19 +313,25 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
                                                      const std::vector<std::string>& frames,
                                                      const std::vector<std::string>& views,
                                                      const DetectSettings& settings) {
-  BoardDetector detector(settings.boards);
-  std::vector<TagSighting> sightings;
+  std::vector<ListedImage> images;
   for (const std::string& frame : frames) {
     for (const std::string& view : views) {
       const fs::path file = fs::path(folder) / "images" / view / (frame + ".png");
-      const cv::Mat image = ImageOfFile(file.string(), cv::IMREAD_UNCHANGED);
-      if (image.empty()) {
-        return NotFound("the image '", file.string(), "' of the session is not there any more");
-      }
-      ASSIGN_OR_RETURN(const auto tags, Look(settings, detector, image, view, frame));
-      const std::vector<TagSighting> found = SightingsOf(tags);
-      sightings.insert(sightings.end(), found.begin(), found.end());
+      images.push_back({view, frame, file.string()});
     }
+  }
+  std::vector<std::vector<TagSighting>> found(images.size());
+  ASSIGN_OR_RETURN(const size_t done, DetectAll(images, settings, [&](size_t i, ImageTags tags) {
+                     found[i] = SightingsOf(tags);
+                     return absl::OkStatus();
+                   }));
+  if (done < images.size()) {
+    return absl::CancelledError(
+        "stopped; the session is kept: go on with the same command and --resume");
+  }
+  std::vector<TagSighting> sightings;
+  for (const std::vector<TagSighting>& of_image : found) {
+    sightings.insert(sightings.end(), of_image.begin(), of_image.end());
   }
   return sightings;
 }
@@ -301,13 +339,15 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record) {
-  Recorder recorder(cell, robot, settings, driver, cameras);
-  PosePlan plan(robot, settings.flange, settings.rest, settings.joints, settings.seed);
+  ASSIGN_OR_RETURN(CellCameras of_cell, CamerasOfViews(cell, cameras));
+  Recorder recorder(cell, robot, settings, driver, of_cell);
+  ASSIGN_OR_RETURN(PosePlan::Positions start, recorder.Measure());
+  PosePlan plan(robot, settings.flange, RestOf(cell, robot, std::move(start)), settings.joints,
+                settings.seed);
   ReportFrames(settings, record, plan);
   const bool listed = !settings.given.empty();
   const size_t wanted = listed ? settings.given.size() : settings.frames;
   Progress progress("taking images", wanted, listed ? "poses" : "frames");
-  std::map<std::string, int> seen;
   size_t in_vain = 0;
   const FloorCheck floor = FloorOf(cell, robot, settings);
   uint32_t last = GreatestNumber(record.frames);
@@ -351,7 +391,6 @@ absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
     ASSIGN_OR_RETURN(const auto views, recorder.TakeFrame(FrameName(last + 1), record));
     if (listed || !views.empty()) ++last;
     plan.Tell(*goal, views);
-    for (const std::string& view : views) ++seen[view];
     in_vain += views.empty() ? 1 : 0;
     const bool none = record.frames.empty() && in_vain >= kMostBeforeFirst;
     if (!listed && (none || in_vain > kMostInVain * wanted)) {

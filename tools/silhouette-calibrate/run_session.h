@@ -31,7 +31,9 @@ struct SessionRecord {
 
 // The record of a folder; empty if there is none. Its frames are those of joints.csv, its robot
 // poses those of the link `flange` by `robot` at the joint values there, whatever robot_poses.csv
-// says. InvalidArgument: a file is wrong, or of a robot with other joints, or a frame is no number.
+// says. Without corners.csv it has no sightings: DetectAgain finds them. NotFound: there is only
+// corners.csv. InvalidArgument: a file is wrong, or of a robot with other joints, or a frame is no
+// number.
 absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotModel& robot,
                                          size_t flange);
 
@@ -39,8 +41,9 @@ absl::StatusOr<SessionRecord> ReadRecord(const std::string& folder, const RobotM
 absl::Status WriteRecord(const std::string& folder, const RobotModel& robot,
                          const SessionRecord& record);
 
-// Looks at the images images/VIEW/FRAME.png in the folder again, now that the lenses are known:
-// corners are more accurate with them. NotFound: an image is missing.
+// Looks at the images images/VIEW/FRAME.png in the folder again, as when lenses are known since:
+// corners are more accurate with them. NotFound: an image is missing. Cancelled: a stop signal
+// came.
 absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
                                                      const std::vector<std::string>& frames,
                                                      const std::vector<std::string>& views,
@@ -48,12 +51,13 @@ absl::StatusOr<std::vector<TagSighting>> DetectAgain(const std::string& folder,
 
 struct SessionSettings {
   std::string folder;
-  size_t frames = 30;   // that show the board of the flange
+  size_t frames = 0;    // that show the board of the flange
   DetectSettings tags;  // boards, and lenses if they are known
   std::string flange_board;
-  size_t flange = 0;                // the link that carries it
-  std::vector<MovingJoint> joints;  // that are moved; the others stay
-  PosePlan::Positions rest;
+  size_t flange = 0;  // the link that carries it
+  // That are moved. The others stand where the cell has them fixed; those of the grid stay where
+  // they are, or go to the nearest end of their range in the cell.
+  std::vector<MovingJoint> joints;
   // Instead of poses of its own choice: these, one after the other.
   std::vector<PosePlan::Positions> given;
   // Height in the base, metres, under which no link that a joint raises or lowers, and not the
@@ -65,8 +69,9 @@ struct SessionSettings {
 // Adds frames to `record` until it has `frames`, or until the robot was at all given poses. A frame
 // has a number that no other and no image in the folder has; of given poses, the pose's.
 // Cancelled: a stop signal came; the robot is stopped, all records are on the disk.
-// FailedPrecondition: the robot stands below the floor, no pose is allowed, or the cameras see too
-// little of the board. Otherwise the devices' errors.
+// FailedPrecondition: the robot stands below the floor, no pose is allowed, an image has not the
+// size that the cell says, or the cameras see too little of the board. Aborted: the robot moves
+// when it should stand still. Otherwise the devices' errors.
 absl::Status RecordSession(const Cell& cell, const RobotModel& robot,
                            const SessionSettings& settings, Robot& driver, CameraRig& cameras,
                            SessionRecord& record);

@@ -96,8 +96,13 @@ void PrintImported(const CalibrationOptions& options, const storage::v1::Calibra
       {"changed", is_new},
       {"configurations", tested.configurations},
       {"worst_contradicting_share", share},
+      {"warnings", nlohmann::ordered_json(calibration.record().warnings())},
       {"next", next}};
-  PrintResult(options.format, json, text);
+  std::string warnings;
+  for (const std::string& warning : calibration.record().warnings()) {
+    absl::StrAppend(&warnings, "warning: ", warning, "\n");
+  }
+  PrintResult(options.format, json, text + warnings);
 }
 
 absl::StatusOr<ExitCode> CalibrationImport(const CalibrationOptions& options) {

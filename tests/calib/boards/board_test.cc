@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "calib/boards/board.h"
 #include "calib/boards/tag_family.h"
 
@@ -290,6 +291,15 @@ TEST(BoardFile, GivesKalibrsCheckerboard) {
       "checker.yaml");
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(read->front().family(), "chessboard-6x7");
+}
+
+TEST(BoardFile, AChessboardThatDetectCannotFindIsRefused) {
+  for (const char* size : {"9x2", "2x9"}) {
+    EXPECT_THAT(
+        BoardFileMessageFor(absl::StrCat("- {name: a, chessboard: ", size, ", square: 0.025}\n")),
+        HasSubstr("at least 3x3 inner corners"));
+  }
+  EXPECT_EQ(BoardFileMessageFor("- {name: a, chessboard: 4x3, square: 0.025}\n"), "");
 }
 
 TEST(BoardFile, MistakesInOtherBoardsAreToldWithTheMend) {

@@ -11,7 +11,7 @@ using testing::HasSubstr;
 
 Board VnlBoard() {
   return Board(
-      {.name = "hand", .kind = BoardKind::kChessboard, .rows = 2, .columns = 3, .square = 0.025});
+      {.name = "hand", .kind = BoardKind::kCircles, .rows = 2, .columns = 3, .square = 0.025});
 }
 
 std::string VnlMessageFor(const std::string& text) {
@@ -23,7 +23,7 @@ TEST(VnlFile, GivesBackTheCornersOfEachImage) {
   for (const int tag : {0, 2, 5}) {
     sightings.push_back({.frame = "1",
                          .view = "left",
-                         .family = "chessboard-3x2",
+                         .family = VnlBoard().family(),
                          .tag = tag,
                          .corners = {Eigen::Vector2d(10.25 + tag, 20)},
                          .sigma = tag == 5 ? 0.8 : 0.01});

@@ -143,6 +143,33 @@ TEST_F(TagDriftTest, AnOddTagIsNamedWithItsFamily) {
   EXPECT_THAT(drift.message, HasSubstr("tag 1 of g moved by itself"));
 }
 
+TEST_F(TagDriftTest, CornersOfTheCalibrationItselfAreNotChecked) {
+  const std::map<SeenTag, TagSighting> seen = Look(Isometry3d::Identity(), 6);
+  const ViewDrift drift = DriftByTags("left", kSizes, seen, seen);
+  EXPECT_FALSE(drift.checked);
+  EXPECT_THAT(drift.message, HasSubstr("the images are not new"));
+  EXPECT_TRUE(DriftByTags("left", kSizes, seen, seen, /*has_noise=*/false).checked);
+}
+
+TEST_F(TagDriftTest, ATagThatMovesBetweenFramesHasNoMeanUnlessTheMaskIsTooCoarseToShowIt) {
+  std::vector<TagSighting> frames;
+  for (const int frame : {1, 2}) {
+    frames.push_back({.frame = std::to_string(frame),
+                      .view = "left",
+                      .family = "f",
+                      .tag = 7,
+                      .corners = {Vector2d(100 + 2 * frame, 50)},
+                      .sigma = kNoise});
+  }
+  EXPECT_THAT(std::string(MeanSightings("left", kSizes, frames).status().message()),
+              HasSubstr("'left' saw tag 7 of f move between the frames '1' and '2'"));
+  EXPECT_FALSE(MeanSightings("left", {.image = kSizes.image, .mask = {}}, frames).ok());
+  EXPECT_TRUE(MeanSightings("right", kSizes, frames)->empty());
+  const ViewSizes coarse{.image = {3840, 2160}, .mask = {64, 36}};  // 2 px are 0.03 mask pixels
+  ASSERT_TRUE(MeanSightings("left", coarse, frames).ok());
+  EXPECT_EQ(MeanSightings("left", coarse, frames)->begin()->second.corners[0], Vector2d(103, 50));
+}
+
 TEST_F(TagDriftTest, ChangedFocusCounts) {
   const ViewDrift drift = Drift(Isometry3d::Identity(), 6, 1.008 * kFocal);
   EXPECT_NEAR(drift.scale, 0.008, 0.001);

@@ -79,6 +79,19 @@ TEST(WeakCalibration, WrongTagsAreLeftOut) {
   EXPECT_LE(found.held_out.rms, 0.05);
 }
 
+TEST(WeakCalibration, ACameraThatWasPushedDuringTheSessionIsRefusedAndItsFirstFrameIsNamed) {
+  const Cell cell = SeenCell(60, 5);
+  ViewPair pair = cell.Pair();
+  ASSERT_FALSE(cell.Calibrate(pair).refusal);
+  const size_t first = pair.frames.size() * 4 / 5;
+  for (Correspondence& corner : pair.corners) {
+    if (corner.frame >= static_cast<int>(first)) corner.b.y() += 6;
+  }
+  EXPECT_THAT(cell.Calibrate(pair).refusal,
+              Optional(HasSubstr("frames from '" + pair.frames[first] +
+                                 "' on fit no matrix of the other frames")));
+}
+
 TEST(WeakCalibration, TheSameSeedGivesTheSameMatrix) {
   const Cell cell = SeenCell(20, 3);
   EXPECT_EQ(cell.Calibrate(cell.Pair()).f, cell.Calibrate(cell.Pair()).f);

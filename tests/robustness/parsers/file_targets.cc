@@ -102,7 +102,7 @@ std::vector<std::string> CalibrationSeeds() {
 // The first byte says of what kind the table is.
 void ParseCorners(std::string_view bytes) {
   static const Board board(
-      {.name = "hand", .kind = BoardKind::kChessboard, .rows = 2, .columns = 3, .square = 0.025});
+      {.name = "hand", .kind = BoardKind::kCircles, .rows = 2, .columns = 3, .square = 0.025});
   if (bytes.empty()) return;
   const std::string text(bytes.substr(1));
   if (bytes[0] == 'c') SightingsFromText(text, "file").IgnoreError();

@@ -126,6 +126,21 @@ TEST_F(CheckLive, TagsAndTheParkedRobotTellWhichCameraMoved) {
   refused("--corners then.csv", "--corners");
 }
 
+TEST_F(CheckLive, AFrozenCameraIsNotConfirmed) {
+  // Without noise the simulation repeats its images.
+  Write("simulation.yaml", absl::StrReplaceAll(SimulationText(0), {{"noise: 1.5", "noise: 0"}}));
+  for (const std::string options : {"--sets 1 --boards boards.yaml", "--number 0"}) {
+    const Ended ended = Check(options + " --out check.json");
+    EXPECT_NE(ended.exit_code, 0) << options << ended.out;
+    EXPECT_THAT(ended.err, HasSubstr("is frozen: it repeats an image byte for byte")) << options;
+    EXPECT_FALSE(Json::parse(ContentOf(shell_.folder() / "check.json"))["holds"]) << options;
+  }
+  const std::string cell = ContentOf(shell_.folder() / "cell.yaml");
+  Write("cell.yaml", absl::StrReplaceAll(cell, {{"source: sim,", "source: sim, noise: none,"}}));
+  const Ended stated = Check("--sets 2 --boards boards.yaml");
+  EXPECT_EQ(stated.exit_code, 0) << stated.out << stated.err;
+}
+
 TEST_F(CheckLive, WithoutAnyTagInSightNoLongerConfirmsTheCalibration) {
   const auto holds = [&] {
     return Json::parse(ContentOf(shell_.folder() / "check.json"))["holds"] == true;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "calib/files/calibration_check_file.h"
 #include "calib/files/camera_file.h"
@@ -25,6 +26,7 @@ namespace silhouette {
 namespace {
 
 using Json = nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class CheckProgram : public testing::Test {
@@ -83,6 +85,22 @@ class CheckProgram : public testing::Test {
             {cameras_[1].view, CameraModel(was.intrinsics(), turn * was.camera_from_world())}};
   }
 
+  // Moves the corners of these sightings in now.csv by 5 px.
+  template <typename Which>
+  void MoveInNow(const Which& which) const {
+    auto now = SightingsFromText(ContentOf(shell_.folder() / "now.csv"), "now.csv");
+    ASSERT_TRUE(now.ok()) << now.status();
+    for (TagSighting& seen : *now) {
+      if (!which(seen)) continue;
+      for (Eigen::Vector2d& corner : seen.corners) corner.x() += 5;
+    }
+    WriteFile(shell_.folder() / "now.csv", SightingFileText(*now));
+  }
+
+  CalibrationCheck Written() const {
+    return CheckFromText(ContentOf(shell_.folder() / "check.json"), "check.json").value();
+  }
+
   Ended Calibrate(const std::string& arguments) const {
     return shell_.Run(ProgramFolder() + "/silhouette-calibrate " + arguments);
   }
@@ -130,6 +148,29 @@ TEST_F(CheckProgram, WhatIsKnownOfTheCamerasStaysWhenFixedTagsAreAdded) {
   EXPECT_EQ(record["figures"][0]["value"], 1.25);
   EXPECT_EQ(record["figures"][1]["name"], "bow");
   EXPECT_GE(record["fixed_tags"].size(), 8u);
+}
+
+TEST_F(CheckProgram, WhatIsKnownOfTheCamerasStaysByWhateverPathTheFileIsNamed) {
+  Import();
+  for (const std::string file : {"./cameras/calibration.yaml", "db/../cameras/calibration.yaml"}) {
+    const Ended ended =
+        Calibrate("fundamental --cameras ./cameras --mask-size 64x64 --calibration " + file);
+    ASSERT_EQ(ended.exit_code, 0) << ended.err;
+    EXPECT_THAT(ContentOf(shell_.folder() / "cameras" / "calibration.yaml"),
+                AllOf(HasSubstr("fixed_tags"), HasSubstr(", camera: \"north.cameramodel\"")));
+  }
+}
+
+TEST_F(CheckProgram, ACalibrationFileThatCannotBeReadIsNotOverwritten) {
+  const std::string file = shell_.folder() / "cameras" / "calibration.yaml";
+  for (const std::string text : {"calibration: 1\nviws: []\n", "- anything\n", "{"}) {
+    WriteFile(file, text);
+    const Ended ended = Calibrate(
+        "fundamental --cameras cameras --mask-size 64x64 --calibration cameras/calibration.yaml");
+    EXPECT_EQ(ended.exit_code, 2) << ended.out;
+    EXPECT_THAT(ended.err, HasSubstr("or remove it, for a new one in its place"));
+    EXPECT_EQ(ContentOf(file), text);
+  }
 }
 
 TEST_F(CheckProgram, CornersInImagesOfAnotherSizeAreRefused) {
@@ -193,17 +234,72 @@ TEST_F(CheckProgram, OldCornersAreNotTakenForWhatIsSeenNow) {
 
 TEST_F(CheckProgram, ATagThatMovedIsNamedAndItsViewIsNotConfirmed) {
   Import();
-  auto now = SightingsFromText(ContentOf(shell_.folder() / "then.csv"), "then.csv");
-  ASSERT_TRUE(now.ok()) << now.status();
-  for (TagSighting& seen : *now) {
-    if (seen.view != cameras_[1].view || seen.tag != 2) continue;
-    for (Eigen::Vector2d& corner : seen.corners) corner.x() += 5;
-  }
-  WriteFile(shell_.folder() / "now.csv", SightingFileText(*now));
+  WriteCorners("now.csv", cameras_, 2);
+  MoveInNow([](const TagSighting& seen) { return seen.view == "east" && seen.tag == 2; });
   const Ended ended = Calibrate("check --database db --corners now.csv");
   EXPECT_EQ(ended.exit_code, 1);
   EXPECT_THAT(ended.out, HasSubstr("north: holds"));
   EXPECT_THAT(ended.out, HasSubstr("east: not checked: tag 2 of tagStandard41h12 moved by itself"));
+}
+
+TEST_F(CheckProgram, ACameraThatMovesDuringTheCheckIsNotConfirmed) {
+  Import();
+  WriteCorners("now.csv", cameras_, 2);
+  const std::string check = "check --database db --corners now.csv --out check.json";
+  ASSERT_EQ(Calibrate(check).exit_code, 0);
+  ASSERT_TRUE(Written().Holds());
+  MoveInNow([](const TagSighting& seen) { return seen.view == "east" && seen.frame == "2"; });
+  const Ended ended = Calibrate(check);
+  EXPECT_EQ(ended.exit_code, 1) << ended.err;
+  EXPECT_THAT(ended.out, AllOf(HasSubstr("north: holds"),
+                               HasSubstr("east: not checked: view 'east' saw tag ")));
+  EXPECT_FALSE(Written().Holds());
+}
+
+TEST_F(CheckProgram, AfterAnErrorTheEarlierResultIsNoLongerInForce) {
+  Import();
+  WriteCorners("now.csv", cameras_, 2);
+  ASSERT_EQ(Calibrate("check --database db --corners now.csv --out check.json").exit_code, 0);
+  EXPECT_EQ(Calibrate("check --database db --corners none.csv --out check.json").exit_code, 2);
+  EXPECT_FALSE(Written().Holds());
+  EXPECT_THAT(Written().Summary(),
+              AllOf(HasSubstr("view 'east' was not checked: "), HasSubstr("none.csv")));
+}
+
+TEST_F(CheckProgram, TheCornersOfTheCalibrationAreNotTakenForWhatIsSeenNow) {
+  Import();
+  for (const std::string reference : {"", " --reference then.csv"}) {
+    const Ended ended = Calibrate("check --database db --corners then.csv" + reference);
+    EXPECT_EQ(ended.exit_code, 1) << reference;
+    EXPECT_THAT(ended.out, HasSubstr("the images are not new")) << reference;
+  }
+}
+
+TEST_F(CheckProgram, FixedTagsMayBeTheCornersOfACharucoBoard) {
+  const Board board({.name = "floor",
+                     .kind = BoardKind::kCharuco,
+                     .rows = 5,
+                     .columns = 7,
+                     .tag_size = 0.11,
+                     .square = 0.15});
+  Eigen::Isometry3d pose(Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()));
+  pose.translation() = Eigen::Vector3d(-0.5, 0.4, 0);
+  const auto write = [&](const std::string& file, uint64_t seed) {
+    Chance chance(seed);
+    std::vector<TagSighting> sightings;
+    for (const NamedCamera& camera : cameras_) {
+      const auto seen =
+          ProjectTags(camera, "1", board, pose, {.sigma = 0.05, .most_tilt = 1.5}, chance);
+      sightings.insert(sightings.end(), seen.begin(), seen.end());
+    }
+    WriteFile(shell_.folder() / file, SightingFileText(sightings));
+  };
+  write("then.csv", 1);
+  write("now.csv", 2);
+  Import();
+  const Ended ended = Calibrate("check --database db --corners now.csv --format json");
+  EXPECT_EQ(ended.exit_code, 0) << ended.out << ended.err;
+  EXPECT_GT(Json::parse(ended.out)["views"][1]["corners"], 12);
 }
 
 TEST_F(CheckProgram, ACameraThatTurnedIsFoundAndMeasured) {
@@ -253,6 +349,10 @@ TEST_F(CheckProgram, SaysWhatIsMissing) {
   EXPECT_THAT(said("--database db --corners now.csv"), HasSubstr("give --reference"));
   EXPECT_EQ(Calibrate("check --database db --corners now.csv --reference then.csv").exit_code, 0);
   EXPECT_THAT(said("--database db --corners none.csv --reference then.csv"), HasSubstr("none.csv"));
+  for (const std::string unused : {"--number 0", "--cell cell.yaml"}) {
+    EXPECT_THAT(said("--database db --corners now.csv --reference then.csv " + unused),
+                HasSubstr("--number and --cell compare the parked robot in --images or --live"));
+  }
 }
 
 TEST(CheckFile, WhatIsNotKnownDoesNotHold) {

@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 
+#include "absl/strings/str_replace.h"
 #include "calib/boards/board.h"
 #include "calib/boards/sighting_file.h"
 #include "tests/calib/detection/rendered_board.h"
@@ -129,6 +131,75 @@ TEST_F(DetectProgram, LiveSetsAreKeptAndNotOverwritten) {
   EXPECT_THAT(err_, HasSubstr("--overwrite"));
 }
 
+TEST_F(DetectProgram, ImagesOfAnotherLiveSessionAreNotReplaced) {
+  const std::string demo = SourceFolder() + "/capture/sim/cells/demo/";
+  const std::string live = "--cell " + demo + "cell.yaml --boards " + demo +
+                           "boards.yaml --count 1 --interval 0 --save images";
+  WriteFile(folder_ / "images/top/0001.png", "of another session");
+  WriteFile(folder_ / "images/top/0002.png", "of another session");
+  EXPECT_EQ(Run(live), 2);
+  EXPECT_THAT(err_, HasSubstr("'images/top' has files already; take another --save"));
+  EXPECT_EQ(ContentOf(folder_ / "images/top/0001.png"), "of another session");
+  EXPECT_EQ(Run(live + " --overwrite"), 0) << err_;
+  EXPECT_NE(ContentOf(folder_ / "images/top/0001.png"), "of another session");
+  EXPECT_FALSE(fs::exists(folder_ / "images/top/0002.png")) << "the folder is of one session";
+}
+
+TEST_F(DetectProgram, LiveImageThatAFrozenCameraRepeatsIsNotKept) {
+  const std::string demo = SourceFolder() + "/capture/sim/cells/demo/";
+  // Without noise and drift the simulation repeats its images.
+  WriteFile(folder_ / "simulation.yaml",
+            absl::StrReplaceAll(ContentOf(demo + "simulation.yaml"),
+                                {{"noise: 1.5", "noise: 0"},
+                                 {"amplitude: 0.02", "amplitude: 0"},
+                                 {"file: boards.yaml", "file: " + demo + "boards.yaml"}}));
+  WriteFile(folder_ / "cell.yaml",
+            absl::StrReplaceAll(ContentOf(demo + "cell.yaml"),
+                                {{"../../robots", SourceFolder() + "/capture/sim/robots"}}));
+  EXPECT_EQ(Run("--cell cell.yaml --boards " + demo + "boards.yaml --count 2 --interval 0"), 3);
+  EXPECT_THAT(err_, HasSubstr("is frozen: it repeats an image byte for byte"));
+}
+
+TEST_F(DetectProgram, CtrlCBeforeTheLastLiveSetIsANoWithTheResultOfTheSetsBefore) {
+  const std::string demo = SourceFolder() + "/capture/sim/cells/demo/";
+  const Ended ended = shell_.Run(
+      ProgramFolder() + "/silhouette-calibrate detect --out corners.csv --cell " + demo +
+      "cell.yaml --boards " + demo + "boards.yaml --count 100000 --interval 0.1 --format json " +
+      "& p=$!; while kill -0 $p && [ ! -e corners.csv ]; do sleep 0.1; done; kill -INT "
+      "$p; wait $p");
+  EXPECT_EQ(ended.exit_code, 1) << ended.err;
+  EXPECT_THAT(ended.err, AllOf(HasSubstr("stopped after "), HasSubstr(" of 100000 sets; what they "
+                                                                      "show is in corners.csv")));
+  EXPECT_THAT(ContentOf(folder_ / "corners.csv"), HasSubstr("0001"));
+  EXPECT_GE(nlohmann::json::parse(ended.out)["sightings"], 1);
+}
+
+TEST_F(DetectProgram, CtrlCLeavesAnEarlierCornersFileAsItWas) {
+  WriteFile(folder_ / "corners.csv", "complete");
+  cv::Mat noise(600, 800, CV_8U);
+  cv::randu(noise, 0, 255);
+  WriteImage("left/0.png", noise);
+  for (int image = 1; image < 1000; ++image) {
+    fs::create_hard_link(folder_ / "left/0.png",
+                         folder_ / "left" / (std::to_string(image) + ".png"));
+  }
+  // The first picture is drawn long before the last image is looked at.
+  const Ended ended = shell_.Run(
+      ProgramFolder() +
+      "/silhouette-calibrate detect --out corners.csv --images left=left --boards boards.yaml "
+      "--draw seen & p=$!; while kill -0 $p && [ -z \"$(ls seen/left)\" ]; do sleep 0.02; done; "
+      "kill -INT $p; wait $p");
+  EXPECT_EQ(ended.exit_code, 1) << ended.err;
+  EXPECT_THAT(ended.err, HasSubstr(" of 1000 images; corners.csv is left as it was"));
+  EXPECT_EQ(ContentOf(folder_ / "corners.csv"), "complete");
+}
+
+TEST_F(DetectProgram, AFolderMayHaveTheCharactersOfPatternsInItsName) {
+  WriteImage("left/1.png", Rendered(1).image());
+  fs::rename(folder_ / "left", folder_ / "s [1]*");
+  EXPECT_EQ(Run("--images 'left=s [1]*' --boards boards.yaml"), 0) << err_;
+}
+
 TEST_F(DetectProgram, KnownLensesMakeCornersBetter) {
   const RenderedBoard rendered = Rendered(1);
   const CameraIntrinsics& k = rendered.intrinsics();
@@ -148,6 +219,20 @@ TEST_F(DetectProgram, KnownLensesMakeCornersBetter) {
   WriteImage("left/1.png", Rendered(1, {}, 260).image());
   EXPECT_EQ(Run("--images left=left --boards boards.yaml --cameras ."), 2);
   EXPECT_THAT(err_, HasSubstr("its camera model is for 240x180"));
+}
+
+TEST_F(DetectProgram, CornersAreAsOldAsTheOldestImage) {
+  WriteImage("left/1.png", Rendered(1).image());
+  WriteImage("left/2.png", Rendered(2).image());
+  const fs::file_time_type taken =
+      fs::last_write_time(folder_ / "left/1.png") - std::chrono::hours(30);
+  fs::last_write_time(folder_ / "left/1.png", taken);
+  ASSERT_EQ(Run("--images left=left --boards boards.yaml --vnl corners.vnl"), 0) << err_;
+  EXPECT_EQ(fs::last_write_time(folder_ / "corners.csv"), taken);
+  fs::last_write_time(folder_ / "corners.vnl", taken);
+  ASSERT_EQ(Run("--images 'left=left/*.png' --boards boards.yaml --corners corners.vnl"), 0)
+      << err_;
+  EXPECT_EQ(fs::last_write_time(folder_ / "corners.csv"), taken);
 }
 
 TEST_F(DetectProgram, MixedSizesAreRefused) {

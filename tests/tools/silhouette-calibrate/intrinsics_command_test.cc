@@ -197,6 +197,9 @@ TEST_F(IntrinsicsCommand, ReadsCamerasOfOtherPrograms) {
   ASSERT_TRUE(bare.ok()) << bare.status();
   EXPECT_EQ(bare->intrinsics().fy, 615.25);
   EXPECT_EQ(bare->intrinsics().cx, 319.5);
+  const Ended spaced = Calibrate("--from '615.5, 615.25, 319.5,  239.5' --image-size 640x480 " +
+                                 ("--view spaced --out " + in));
+  EXPECT_EQ(spaced.exit_code, 0) << spaced.out;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -352,6 +353,36 @@ TEST_F(CalibratePosesProgram, DegreesAreToldByTheirSize) {
                                          " --flange-board flange --out cameras"));
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.err, AllOf(HasSubstr("joints.csv:2"), HasSubstr("--degrees")));
+}
+
+TEST_F(CalibratePosesProgram, JointsMayStandWhereverTheirLimitsAllow) {
+  PoseRig rig(5);
+  rig.AddFlangeBoard();
+  const std::string text = JointText(rig, 1);
+  WriteRig(rig);
+  // The last joint, one turn further.
+  std::string turned = text.substr(0, text.find('\n') + 1);
+  for (size_t line = turned.size(); line < text.size(); line = text.find('\n', line) + 1) {
+    const size_t end = text.find('\n', line);
+    const size_t last = text.rfind(',', end) + 1;
+    absl::StrAppendFormat(&turned, "%s%.12g\n", text.substr(line, last - line),
+                          std::stod(text.substr(last)) + 2 * std::numbers::pi);
+  }
+  Write("joints.csv", turned);
+  const std::string urdf = ContentOf(kUrdf);
+  const std::string command =
+      absl::StrCat(kFiles, "--joints joints.csv --urdf wide.urdf --flange-board flange --out ");
+  Write("wide.urdf",
+        absl::StrReplaceAll(urdf, {{"\"-4.7124\" upper=\"4.7124\"", "\"-9\" upper=\"9\""}}));
+  const Ended limited = Run(command + "limited");
+  EXPECT_EQ(limited.exit_code, 0) << limited.err;
+  // Without limits the unit tells radians from degrees.
+  Write("wide.urdf", absl::StrReplaceAll(urdf, {{"\"joint_6\" type=\"revolute\"",
+                                                 "\"joint_6\" type=\"continuous\""}}));
+  EXPECT_THAT(Run(command + "bare").err, HasSubstr("if it is in radians write "));
+  Write("joints.csv", absl::StrReplaceAll(turned, {{"joint_6\n", "joint_6\n"}, {"\n", "rad\n"}}));
+  const Ended stated = Run(command + "stated");
+  EXPECT_EQ(stated.exit_code, 0) << stated.err;
 }
 
 TEST_F(CalibratePosesProgram, JointValuesOfSpreadsheetsAreReadOrTheirSemicolonsAreNamed) {

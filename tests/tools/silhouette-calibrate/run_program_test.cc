@@ -119,9 +119,10 @@ TEST_F(CalibrateRun, AFrameThatIsNoNumberIsNamed) {
 }
 
 TEST_F(CalibrateRun, ResumedHasItsPosesByTheRobotsModelAndTheFlangeLinkOfNow) {
-  const std::string resume = "--frames 3 --resume --cameras " + Lenses();
+  const std::string cameras = " --cameras " + Lenses();
+  const std::string resume = "--frames 3 --resume" + cameras;
   const fs::path poses = fs::path(session()) / "robot_poses.csv";
-  RunSession(resume);
+  RunSession("--frames 3" + cameras);
   const std::string whole = ContentOf(poses);
   ASSERT_THAT(whole, HasSubstr("\n0003,"));
   // As a kill between the two files leaves it.
@@ -362,6 +363,12 @@ TEST_F(CalibrateRun, APoseWhoseWayDipsBelowTheFloorIsRefused) {
             "0,1.3963,1.0472,0,0,0\n0,1.3963,2.4435,0,0,0\n");
   EXPECT_EQ(RunSession("--floor=-0.4 --poses " + poses), 2);
   EXPECT_THAT(err(), HasSubstr("pose 2 of the list: the floor at -0.4 m (--floor) is in the way"));
+}
+
+TEST_F(CalibrateRun, OnlyASessionThatIsThereIsResumed) {
+  EXPECT_EQ(RunSession("--resume"), 2);
+  EXPECT_THAT(err(), HasSubstr("there is no session '" + session() + "' to go on with"));
+  EXPECT_FALSE(fs::exists(session()));
 }
 
 TEST_F(CalibrateRun, MistakesAreTold) {

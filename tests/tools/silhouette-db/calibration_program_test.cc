@@ -203,6 +203,18 @@ TEST_F(CalibrationProgram, ScriptsReadWhatImportStoredAndCheckedAndWhatExportWro
   EXPECT_EQ(exported["files"], Json({"out/left.cameramodel", "out/top.cameramodel"}));
 }
 
+TEST_F(CalibrationProgram, ImportRepeatsTheWarningsOfTheCalibration) {
+  Write("cameras/calibration.yaml",
+        "calibration: 1\nviews:\n  - {name: left, camera: left.cameramodel}\n"
+        "  - {name: top, camera: top.cameramodel}\nwarnings: [view left is not stable]\n");
+  for (const char* outcome : {"imported", "already"}) {
+    EXPECT_THAT(Run("import db cameras").out,
+                AllOf(HasSubstr(outcome), HasSubstr("warning: view left is not stable\n")));
+  }
+  EXPECT_EQ(Json::parse(Run("import db cameras --format json").out)["warnings"],
+            Json({"view left is not stable"}));
+}
+
 TEST_F(CalibrationProgram, TheMatricesThatItShowsServeAsWellAsTheCameras) {
   ASSERT_EQ(Run("import db cameras").exit_code, 0);
   const Json cameras = Shown();
