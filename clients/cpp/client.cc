@@ -311,7 +311,11 @@ absl::StatusOr<v1::Scene> Client::PublishScene(
         "taken lies in the future: state an instant of RunningClock::now() not later than the "
         "capture, not one of another clock");
   }
-  if (!variant_.empty()) scene.set_variant(variant_);
+  if (!variant_.empty() && scene.variant().empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("this client checks '", variant_,
+                     "': name the variant that the images show, or 'default'"));
+  }
   std::vector<v1::ViewImage*> unstamped;
   for (v1::ViewImage& image : *scene.mutable_views()) {
     if (!image.has_capture_time() && !image.has_server_clock()) unstamped.push_back(&image);

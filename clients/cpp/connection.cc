@@ -46,6 +46,37 @@ std::shared_ptr<grpc::Channel> ChannelTo(
 // The process that had the first connection; 0: none had.
 std::atomic<pid_t> connected_process = 0;
 
+// Why no server answers at `address`, by gRPC's `message`.
+std::string WhyUnavailable(const std::string& address, bool encrypted, const std::string& message) {
+  if (absl::StrContains(message, "wrong version number")) {
+    return absl::StrCat("the server at ", address,
+                        " does not encrypt; connect without certificates, or start it with TLS");
+  }
+  if (absl::StrContains(message, "security handshaker")) {
+    // While files are renewed, for a moment: Unavailable, as it passes.
+    return absl::StrCat("the key for the connection to ", address,
+                        " is not that of the certificate; name files that belong together");
+  }
+  if (encrypted) {
+    return absl::StrCat("no server answers at ", address,
+                        ", or the server or this client refuses the other's "
+                        "certificate: wrong authority, wrong host, or expired (",
+                        message, ")");
+  }
+  if (absl::StrContains(message, "DNS")) {
+    return absl::StrCat("no host has the name in '", address,
+                        "'; correct it, or use the host's IP address");
+  }
+  // So ends a connection without TLS to a server that has it, and one to a server that dies.
+  if (absl::StrContains(message, "Socket closed") && !absl::StartsWith(address, "unix:")) {
+    return absl::StrCat("no server answers at ", address,
+                        " without certificates; start silhouette-server or use another address, "
+                        "or give certificates if it has TLS");
+  }
+  return absl::StrCat("no server answers at ", address,
+                      "; start silhouette-server or use another address");
+}
+
 }  // namespace
 
 absl::Status RequireNotForked() {
@@ -154,38 +185,7 @@ absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration 
     case grpc::StatusCode::OK:
       return absl::OkStatus();
     case grpc::StatusCode::UNAVAILABLE:
-      if (absl::StrContains(status.error_message(), "wrong version number")) {
-        return absl::UnavailableError(
-            absl::StrCat("the server at ", address_,
-                         " does not encrypt; connect without certificates, or start it with TLS"));
-      }
-      if (absl::StrContains(status.error_message(), "security handshaker")) {
-        // While files are renewed, for a moment: Unavailable, as it passes.
-        return absl::UnavailableError(
-            absl::StrCat("the key for the connection to ", address_,
-                         " is not that of the certificate; name files that belong together"));
-      }
-      if (encrypted_) {
-        return absl::UnavailableError(
-            absl::StrCat("no server answers at ", address_,
-                         ", or the server or this client refuses the other's "
-                         "certificate: wrong authority, wrong host, or expired (",
-                         status.error_message(), ")"));
-      }
-      if (absl::StrContains(status.error_message(), "DNS")) {
-        return absl::UnavailableError(absl::StrCat("no host has the name in '", address_,
-                                                   "'; correct it, or use the host's IP address"));
-      }
-      // So ends a connection without TLS to a server that has it, and one to a server that dies.
-      if (absl::StrContains(status.error_message(), "Socket closed") &&
-          !absl::StartsWith(address_, "unix:")) {
-        return absl::UnavailableError(
-            absl::StrCat("no server answers at ", address_,
-                         " without certificates; start silhouette-server or use another address, "
-                         "or give certificates if it has TLS"));
-      }
-      return absl::UnavailableError(absl::StrCat(
-          "no server answers at ", address_, "; start silhouette-server or use another address"));
+      return absl::UnavailableError(WhyUnavailable(address_, encrypted_, status.error_message()));
     case grpc::StatusCode::DEADLINE_EXCEEDED:
       return absl::DeadlineExceededError(
           absl::StrCat("the server at ", address_, " did not answer within ",

@@ -132,7 +132,10 @@ class LocalSpace::Impl {
 
   // Runs one stream to its end. Returns why it ended; `reason`: the same as a verdict's reason.
   absl::Status Subscribe(Reason& reason) {
-    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) return usable;
+    if (absl::Status usable = RequireCallable(timeout_); !usable.ok()) {
+      reason = Reason::kRefused;
+      return usable;
+    }
     {
       const std::lock_guard lock(mutex_);
       ++status_.attempts;

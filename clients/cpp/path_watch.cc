@@ -2,6 +2,7 @@
 #include "silhouette/path_watch.h"
 
 #include <algorithm>
+#include <chrono>
 #include <condition_variable>
 #include <mutex>
 #include <optional>
@@ -20,7 +21,31 @@ namespace silhouette::client {
 
 namespace {
 
-constexpr absl::Duration kPathWatchVeryLong = absl::Hours(24 * 3650);
+// When the next thing of it expires that lets the robot move; max: it has none.
+RunningClock::time_point ExpiryOf(const PathCheck& check) {
+  RunningClock::time_point expiry = RunningClock::time_point::max();
+  if (check.verdict.free()) expiry = check.basis.valid_until;
+  if (check.separation && check.separation->lets_move()) {
+    expiry = std::min(expiry, check.separation->valid_until);
+  }
+  return expiry;
+}
+
+// Makes unknown what lets the robot move and has expired. Returns whether there is such a thing.
+bool Expire(PathCheck& check) {
+  const RunningClock::time_point now = RunningClock::now();
+  if (now < ExpiryOf(check)) return false;
+  if (check.separation && check.separation->lets_move() && now >= check.separation->valid_until) {
+    check.separation = Separation{.unknown_reason = Reason::kUpdateExpired};
+  }
+  if (check.verdict.free() && now >= check.basis.valid_until) {
+    check.verdict = {.reason = Reason::kUpdateExpired};
+    check.proof = PathProof::kNone;
+    check.configuration.clear();
+    check.narrowest.reset();
+  }
+  return true;
+}
 
 }  // namespace
 
@@ -47,17 +72,29 @@ class PathWatch::Impl {
   ~Impl() { Cancel(); }
 
   absl::StatusOr<PathUpdate> Next(absl::Duration timeout) {
-    const absl::Duration bounded = std::clamp(timeout, absl::ZeroDuration(), kPathWatchVeryLong);
+    // The clock of one wait stands still while the computer sleeps.
+    constexpr std::chrono::milliseconds kLongestWait(50);
+    const RunningClock::time_point deadline = After(RunningClock::now(), timeout);
     std::unique_lock lock(mutex_);
-    if (!changed_.wait_for(lock, absl::ToChronoNanoseconds(bounded),
-                           [this] { return newest_ || ended_; })) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("no new verdict on the path came within ", SpokenTimeout(timeout)));
+    while (!newest_ && !ended_) {
+      if (Expire(returned_.check)) {
+        returned_.skipped_scenes = 0;
+        returned_.repeated = true;
+        return returned_;
+      }
+      const RunningClock::time_point now = RunningClock::now();
+      if (now >= deadline) {
+        return absl::DeadlineExceededError(
+            absl::StrCat("no new verdict on the path came within ", SpokenTimeout(timeout)));
+      }
+      const auto wake = std::min({deadline, ExpiryOf(returned_.check), now + kLongestWait});
+      changed_.wait_for(lock, wake - now);
     }
     // An update from before the end is outdated.
     if (ended_) return *ended_;
-    returned_scene_ = newest_->check.basis.scene_id;
-    return *std::exchange(newest_, std::nullopt);
+    returned_ = *std::exchange(newest_, std::nullopt);
+    Expire(returned_.check);
+    return returned_;
   }
 
   void Cancel() { cancellation_.Cancel(); }
@@ -97,7 +134,8 @@ class PathWatch::Impl {
       if (newest_) {
         // The stored one will not be returned.
         const uint64_t scene = newest_->check.basis.scene_id;
-        const bool skipped = scene != returned_scene_ && scene != update.check.basis.scene_id;
+        const bool skipped =
+            scene != returned_.check.basis.scene_id && scene != update.check.basis.scene_id;
         update.skipped_scenes += newest_->skipped_scenes + (skipped ? 1 : 0);
       }
       newest_ = std::move(update);
@@ -113,8 +151,8 @@ class PathWatch::Impl {
   Cancellation cancellation_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::optional<PathUpdate> newest_;  // that was not returned yet
-  uint64_t returned_scene_ = 0;
+  std::optional<PathUpdate> newest_;   // that was not returned yet
+  PathUpdate returned_;                // the last one
   std::optional<absl::Status> ended_;  // never OK
   std::jthread thread_;                // last: it uses the others
 };

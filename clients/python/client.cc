@@ -88,9 +88,10 @@ std::vector<std::pair<double, double>> CornersOf(const py::handle& polygon,
 
 // An image of a view: masks by a dict of bool arrays, camera images as the bytes of a PNG or JPEG.
 py::object PublishScene(const Client& client, const Joints& joints, const py::dict& views,
-                        const py::dict& obstacles, double taken) {
+                        const py::dict& obstacles, const std::string& variant, double taken) {
   const Clock::time_point time = MonotonicTime(taken);
   v1::PublishSceneRequest request;
+  request.set_variant(variant);
   for (const auto& [name, position] : joints) {
     v1::JointPosition& joint = *request.add_joints();
     joint.set_name(name);
@@ -198,8 +199,8 @@ void BindWatch(py::module_& module) {
         return "<PathUpdate " + (expired ? "expired" : TextOf(at.check.verdict)) + ">";
       });
   py::class_<PathWatch>(module, "PathWatch",
-                        "A path, watched: iterate over it for a new verdict with every scene. A "
-                        "context manager.")
+                        "A path, watched: iterate over it for a new verdict with every scene, and "
+                        "for the last one once more, false, if it expires. A context manager.")
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [](PathWatch& at, const py::args&) { at.Cancel(); })
       .def("__iter__", [](py::object self) { return self; })
@@ -213,9 +214,9 @@ void BindWatch(py::module_& module) {
              }
            })
       .def("next", NextUpdate, py::arg("timeout") = py::none(),
-           "The newest update that was not returned yet.\n\ntimeout: seconds; None: no limit. "
-           "DeadlineExceeded: none came, the watch continues. Any other error ends it: the path "
-           "is not free.")
+           "The newest update that was not returned yet, or the last one once more, false, if it "
+           "expires before that.\n\ntimeout: seconds; None: no limit. DeadlineExceeded: none "
+           "came, the watch continues. Any other error ends it: the path is not free.")
       .def("cancel", &PathWatch::Cancel, "Ends the watch; any thread may call it.");
 }
 
@@ -327,12 +328,15 @@ void BindChecksOf(py::class_<Client>& type) {
 void BindReports(py::class_<Client>& type) {
   type.def(
           "publish_scene", PublishScene, py::kw_only(), py::arg("joints"),
-          py::arg("views") = py::dict(), py::arg("obstacles") = py::dict(), py::arg("taken"),
+          py::arg("views") = py::dict(), py::arg("obstacles") = py::dict(), py::arg("variant") = "",
+          py::arg("taken"),
           "Publishes one simultaneous set of images; returns the scene, which may have defects.\n\n"
           "joints: name to radians or metres, at that time: all grid joints and fixed joints.\n"
           "views: view to the bytes of a PNG or JPEG camera image, or to a (height, width) bool "
           "mask of all that differs from the empty cell.\n"
           "obstacles: view to a (height, width) bool mask of the obstacles without the robot.\n"
+          "variant: the one that the images show, whatever the client's is; empty: the default "
+          "one, or InvalidArgument if the client has one.\n"
           "taken: a time.monotonic() not later than the capture, seconds, such as that before the "
           "cameras are triggered; required. The computer must not have slept since, as that clock "
           "stands still then.")

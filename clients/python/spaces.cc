@@ -92,7 +92,10 @@ void BindGrid(py::module_& module) {
       .def(
           "nearest",
           [](const ConfigurationGrid& at, const Doubles& q) -> std::optional<py::tuple> {
-            if (q.ndim() != 1) throw std::invalid_argument("q takes an array of the shape (d,)");
+            if (q.ndim() != 1 || q.size() != at.dimensions()) {
+              throw std::invalid_argument("q takes a value for each joint of the grid: (" +
+                                          std::to_string(at.dimensions()) + ",)");
+            }
             const auto number = at.Nearest({q.data(), static_cast<size_t>(q.size())});
             if (!number) return std::nullopt;
             const GridIndex index = at.IndexOf(*number).value();

@@ -87,9 +87,9 @@ class Client {
   Client WithTimeout(absl::Duration timeout) const;
 
   // The same connection for one variant of the robot: a tool, a part. Configurations, paths and a
-  // LocalSpace are checked with it, whatever the scene's variant; published scenes have it. Empty:
-  // checks use the scene's variant, and published scenes have the default variant. InvalidArgument
-  // of the calls: the database has no such variant; Unimplemented: the server knows no variants.
+  // LocalSpace are checked with it, whatever the scene's variant. Empty: checks use the scene's
+  // variant. InvalidArgument of the calls: the database has no such variant; Unimplemented: the
+  // server knows no variants.
   Client WithVariant(std::string variant) const;
 
   const std::string& address() const;
@@ -143,15 +143,16 @@ class Client {
                                       const Policy& policy = {}) const;
 
   // Publishes one simultaneous set of images, with the robot's joint values at that time: all
-  // joints of the grid and all fixed joints. WithVariant names the variant. The returned scene may
-  // have defects.
-  // `taken`: an instant not later than the capture of the images that state no time, for example
-  // that before the cameras were triggered. They get it as server_clock, by round trips, at most
-  // one a second: however long the request is under way, the server knows how old they are. Images
-  // with a capture_time or server_clock keep it. InvalidArgument: an image has no time and `taken`
-  // is unset, or `taken` lies in the future. FailedPrecondition: the server takes images itself,
-  // serves a newer scene, or has no reference images to subtract from camera images. Aborted: the
-  // database was replaced meanwhile; publish again.
+  // joints of the grid and all fixed joints. `scene.variant` names the variant that the images
+  // show, whatever WithVariant says; empty: the default one, or InvalidArgument if WithVariant
+  // named one. The returned scene may have defects. `taken`: an instant not later than the capture
+  // of the images that state no time, for example that before the cameras were triggered. They get
+  // it as server_clock, by round trips, at most one a second: however long the request is under
+  // way, the server knows how old they are. Images with a capture_time or server_clock keep it.
+  // InvalidArgument: an image has no time and `taken` is unset, or `taken` lies in the future.
+  // FailedPrecondition: the server takes images itself, serves a newer scene, or has no reference
+  // images to subtract from camera images. Aborted: the database was replaced meanwhile; publish
+  // again.
   absl::StatusOr<v1::Scene> PublishScene(
       v1::PublishSceneRequest scene,
       std::optional<RunningClock::time_point> taken = std::nullopt) const;

@@ -62,6 +62,8 @@ struct Separation {
   Reason unknown_reason = Reason::kUnspecified;
   RunningClock::time_point valid_until = {};
 
+  // Whether it lets the robot move while it is valid.
+  bool lets_move() const { return level > 0 || leads_away; }
   // Whether the reply is not too old to be gone by; `level`, and `leads_away`, and 0 and false when
   // it is.
   bool ValidNow() const { return RunningClock::now() < valid_until; }

@@ -129,7 +129,7 @@ with client.watch_path(waypoints) as watch:
     update = watch.next(timeout=10.0)
     print(f"the path is {'free' if update else 'not free: stop'}, "
           f"valid for {update.check.basis.valid_for:.1f} s")
-    # for update in watch:
+    # for update in watch:  # with every scene, and when the last update expires
     #     if not update: stop the robot
 
 # %% Check without a call

@@ -17,6 +17,7 @@ a part is, are false. Errors are exceptions (Error and its subclasses), never ve
 """
 from ._enums import PathProof, Reason, State
 from ._errors import (
+    Aborted,
     Cancelled,
     DeadlineExceeded,
     Error,
@@ -53,7 +54,7 @@ from ._silhouette import (
 )
 
 __all__ = [
-    "Basis", "Cancelled", "Checks", "Client", "ConfigurationSpace", "DeadlineExceeded", "Defect",
+    "Aborted", "Basis", "Cancelled", "Checks", "Client", "ConfigurationSpace", "DeadlineExceeded", "Defect",
     "Error", "Explanation", "FailedPrecondition", "Grid", "GridJoint", "Internal",
     "InvalidArgument", "LocalSpace", "MotionVerdict", "NotFound", "OutOfRange", "PathCheck", "PathPlace",
     "PathProof", "PathUpdate", "PathWatch", "PermissionDenied", "Policy", "Reason", "ResourceExhausted",

@@ -26,6 +26,10 @@ class FailedPrecondition(Error):
     """The server cannot do this as it is set up."""
 
 
+class Aborted(Error):
+    """The database was replaced meanwhile: publish or allow again."""
+
+
 class PermissionDenied(Error, PermissionError):
     """The server's roles do not allow this client the call."""
 

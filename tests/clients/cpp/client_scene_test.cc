@@ -37,11 +37,12 @@ TEST(Scene, IsSentAndReadWhole) {
   };
   const Mask mask = Mask::FromPredicate({5, 3}, [](int x, int y) { return x == 2 * y; });
   v1::PublishSceneRequest request;
+  request.set_variant("tool");
   request.add_joints()->set_position(0.5);
   v1::ViewImage& image = *request.add_views();
   *image.mutable_scene_mask() = ToMessage(mask);
   *image.mutable_capture_time() = ToMessage(absl::FromUnixNanos(1'700'000'000'123'456'789));
-  const auto scene = ClientOfHere(server).WithVariant("tool").PublishScene(request);
+  const auto scene = ClientOfHere(server).PublishScene(request);
   ASSERT_TRUE(scene.ok()) << scene.status();
 
   ASSERT_EQ(seen.views_size(), 1);
@@ -50,13 +51,35 @@ TEST(Scene, IsSentAndReadWhole) {
   EXPECT_EQ(seen.views(0).scene_mask().bits(), mask.ToBytes());
   EXPECT_EQ(scene->id(), 4u);
   EXPECT_EQ(scene->variant(), "tool");
-  // A scene that states its variant, such as a recorded one, keeps it.
-  request.set_variant("gripper");
-  ASSERT_TRUE(ClientOfHere(server).PublishScene(request).ok());
-  EXPECT_EQ(seen.variant(), "gripper");
   EXPECT_EQ(scene->joints(0).position(), 0.5);
   EXPECT_EQ(FromMessage(scene->views(0).scene()), mask);
   EXPECT_EQ(FromMessage(scene->defects(0).reason()), Reason::kViewMissing);
+}
+
+// A client that plans ahead with the part publishes the empty gripper as the empty gripper.
+TEST(Scene, IsOfTheVariantThatItNamesWhateverTheClientChecks) {
+  FakeServer server;
+  std::string seen;
+  server.check_configurations = [](auto&, auto&, auto&) { return grpc::Status::OK; };
+  server.publish_scene = [&](auto&, const v1::PublishSceneRequest& request,
+                             v1::PublishSceneResponse& response) {
+    seen = request.variant();
+    response.mutable_scene()->set_variant(seen);
+    return grpc::Status::OK;
+  };
+  const Client client = ClientOfHere(server).WithVariant("with-part");
+  v1::PublishSceneRequest request;
+  for (const std::string shown : {"default", "tool"}) {
+    request.set_variant(shown);
+    ASSERT_TRUE(client.PublishScene(request).ok());
+    EXPECT_EQ(seen, shown);
+  }
+  request.clear_variant();
+  const absl::Status unnamed = client.PublishScene(request).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(unnamed)) << unnamed;
+  EXPECT_THAT(std::string(unnamed.message()),
+              AllOf(HasSubstr("checks 'with-part'"), HasSubstr("or 'default'")));
+  EXPECT_EQ(seen, "tool") << "nothing more is published";
 }
 
 // A server whose clock shows `clock` when it answers; it keeps what is published.

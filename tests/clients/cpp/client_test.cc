@@ -258,9 +258,11 @@ TEST(Variants, OfAServerThatDoesNotKnowThemAreAnErrorAndNoVerdict) {
   server.publish_scene = [](grpc::ServerContext&, const v1::PublishSceneRequest&,
                             v1::PublishSceneResponse&) { return grpc::Status::OK; };
   const Client client = ClientOfHere(server).WithVariant("tool");
+  v1::PublishSceneRequest scene;
+  scene.set_variant("tool");
   for (const absl::Status& status :
        {client.CheckConfigurations(kOne).status(), client.CheckPath(kOne).status(),
-        client.PublishScene({}).status()}) {
+        client.PublishScene(scene).status()}) {
     EXPECT_EQ(status.code(), absl::StatusCode::kUnimplemented) << status;
     EXPECT_THAT(status.message(), HasSubstr("knows no variants"));
   }

@@ -268,6 +268,14 @@ TEST(LocalSpace, ServerThatIsStartedAgainIsFoundAgain) {
   EXPECT_EQ(snapshot->basis().scene_id, 1u);
 }
 
+TEST(LocalSpace, TimeoutThatIsNotPositiveIsRefusedAndNoLostConnection) {
+  WatchedServer server;
+  const LocalSpace space(LocalSpaceClientOf(server).WithTimeout(absl::ZeroDuration()));
+  space.WaitForUpdate(0, kLocalSpaceLong);
+  ExpectUnknown(space, Reason::kRefused);
+  EXPECT_EQ(space.status().problem.code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST(LocalSpace, MalformedUpdateIsUnknownAndWatchedAgain) {
   WatchedServer server;
   const LocalSpace space(LocalSpaceClientOf(server), {.max_age = absl::Minutes(1)});

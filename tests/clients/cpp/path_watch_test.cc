@@ -20,6 +20,9 @@ using ::testing::HasSubstr;
 const std::vector<Configuration> kPath = {{0.0, 0.0}, {1.0, 2.0}};
 constexpr absl::Duration kPathWatchLong = absl::Seconds(20);
 
+// How long updates are valid in tests that wait until they expire.
+constexpr absl::Duration kShort = absl::Milliseconds(200);
+
 v1::WatchPathResponse Free(const v1::Basis& basis) {
   v1::WatchPathResponse response;
   *response.mutable_check()->mutable_basis() = basis;
@@ -108,6 +111,60 @@ TEST(PathWatch, MessageThatWaitedOnItsWayIsAsOldAsItIs) {
   ASSERT_TRUE(update.ok()) << update.status();
   EXPECT_GE(update->check.basis.Age(), absl::Seconds(70));
   EXPECT_FALSE(update->FreeNow()) << "it was valid for a minute";
+  EXPECT_EQ(update->check.verdict.reason, Reason::kUpdateExpired);
+}
+
+TEST(PathWatch, WakesWhoWaitsWhenAFreeVerdictExpires) {
+  v1::WatchPathResponse response = Free(BasisOf(3));
+  Set(kShort, response.mutable_check()->mutable_basis()->mutable_valid_for());
+  response.set_skipped_scenes(4);
+  const PathServer server({response});
+  PathWatch watch = server.Watch();
+  auto update = watch.Next(kPathWatchLong);
+  ASSERT_TRUE(update.ok()) << update.status();
+  EXPECT_FALSE(update->repeated);
+  if (update->check.verdict.free()) {  // else this machine was too busy
+    update = watch.Next(kPathWatchLong);
+    ASSERT_TRUE(update.ok()) << update.status();
+    EXPECT_TRUE(update->repeated);
+    EXPECT_EQ(update->skipped_scenes, 0u);
+  }
+  EXPECT_EQ(update->check.verdict.state, State::kUnknown);
+  EXPECT_EQ(update->check.verdict.reason, Reason::kUpdateExpired);
+  EXPECT_EQ(update->check.basis.scene_id, 3u);
+  EXPECT_EQ(watch.Next(absl::Milliseconds(300)).status().code(),
+            absl::StatusCode::kDeadlineExceeded)
+      << "it expires once";
+}
+
+TEST(PathWatch, WakesWhoWaitsWhenASpeedLevelExpires) {
+  v1::WatchPathResponse response = Free(BasisOf(3));
+  response.mutable_check()->mutable_separation()->set_level(2);
+  Set(kShort, response.mutable_check()->mutable_separation()->mutable_valid_for());
+  const PathServer server({response});
+  PathWatch watch = ClientOfHere(server.server)
+                        .WatchPath(kPath, {.preset = "paper"}, Clearance::kOmit, SeparationPolicy{})
+                        .value();
+  auto update = watch.Next(kPathWatchLong);
+  ASSERT_TRUE(update.ok()) << update.status();
+  if (update->check.separation->level > 0) {  // else this machine was too busy
+    update = watch.Next(kPathWatchLong);
+    ASSERT_TRUE(update.ok()) << update.status();
+  }
+  EXPECT_EQ(update->check.separation->level, 0);
+  EXPECT_EQ(update->check.separation->unknown_reason, Reason::kUpdateExpired);
+  EXPECT_TRUE(update->FreeNow()) << "the verdict is valid for a minute";
+}
+
+TEST(PathWatch, NeverReturnsAsFreeWhatExpiredWhileNobodyAsked) {
+  v1::WatchPathResponse response = Free(BasisOf(3));
+  Set(kShort, response.mutable_check()->mutable_basis()->mutable_valid_for());
+  const PathServer server({response});
+  PathWatch watch = server.Watch();
+  std::this_thread::sleep_for(absl::ToChronoMilliseconds(kShort));
+  const auto update = watch.Next(kPathWatchLong);
+  ASSERT_TRUE(update.ok()) << update.status();
+  EXPECT_EQ(update->check.verdict.reason, Reason::kUpdateExpired);
 }
 
 TEST(PathWatch, WhoAsksSeldomGetsTheNewestAndIsToldWhatWasSkipped) {

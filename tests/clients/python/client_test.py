@@ -63,6 +63,9 @@ def test_verdicts_of_all_grid_points_are_those_of_the_masks(client):
     assert np.allclose(grid.at((3, 4)), [0.3, 0.4])
     assert grid.nearest([0.32, 0.41]) == (3, 4)
     assert grid.nearest([7, 7]) is None
+    for wrong in ([0.3], [0.3, 0.4, 0.5], [[0.3, 0.4]]):
+        with pytest.raises(ValueError, match="q takes a value for each joint"):
+            grid.nearest(wrong)
 
 
 def test_arrays_of_any_layout_are_read_as_they_are_written(client):
@@ -80,7 +83,7 @@ def test_a_wrong_shape_is_refused_with_the_right_one(client, wrong):
         client.check(wrong)
 
 
-def test_errors_are_exceptions_of_their_code_with_the_same_sentence(client):
+def test_errors_are_exceptions_of_their_code_with_the_same_sentence(client, fake):
     publish(client)
     with pytest.raises(silhouette.InvalidArgument, match="min_views"):
         client.check([[0, 0]], policy=silhouette.Policy(min_views=3))
@@ -92,6 +95,8 @@ def test_errors_are_exceptions_of_their_code_with_the_same_sentence(client):
         client.get_acquisition()
     with pytest.raises(silhouette.InvalidArgument):
         silhouette.Client("no address")
+    with pytest.raises(silhouette.Aborted, match="the database was replaced"):
+        silhouette.Client(fake).revoke_region("part")
     gone = silhouette.Client("127.0.0.1:1", timeout=2.0)
     with pytest.raises(silhouette.Unavailable, match="no server answers at 127.0.0.1:1"):
         gone.check([[0, 0]])
@@ -184,6 +189,17 @@ def test_scenes_are_read_back_as_published(client):
     assert "uncalibrated" in database["presets"]
 
 
+def test_a_scene_is_of_the_variant_that_it_names_whatever_the_client_checks(client):
+    ahead = client.with_variant("with-part")
+    with pytest.raises(silhouette.InvalidArgument, match="checks 'with-part': .* or 'default'"):
+        publish(ahead)
+    empty = publish(ahead, variant="default")
+    assert empty["variant"] == "default" and empty["defects"] == []
+    scene = publish(client, variant="with-part")
+    assert scene["variant"] == "with-part"
+    assert any("no variant 'with-part'" in defect["message"] for defect in scene["defects"])
+
+
 def test_an_image_of_unknown_age_or_from_the_future_is_refused(client):
     scene = {"joints": {"x": 0.0, "y": 0.0}, "views": {"left": WALL, "right": WALL}}
     with pytest.raises(TypeError, match="taken: float"):
@@ -244,6 +260,19 @@ def test_a_watched_path_reports_every_scene_and_ends_with_the_watch(client):
         with pytest.raises(silhouette.DeadlineExceeded):
             watch.next(timeout=0.01)
     assert list(watch) == []
+
+
+def test_a_watched_path_is_false_once_its_last_update_expires(fake):
+    with silhouette.Client(fake).watch_path([[0, 0]]) as watch:
+        # The server lives and sends nothing more: only the expiry can wake who waits.
+        patience = threading.Timer(20.0, watch.cancel)
+        updates = iter(watch)
+        last = next(updates)
+        patience.start()
+        if last:
+            last = next(updates)
+        patience.cancel()
+        assert not last and last.check.verdict.reason is Reason.UPDATE_EXPIRED
 
 
 def test_waiting_leaves_the_interpreter_to_other_threads(client):

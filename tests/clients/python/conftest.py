@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 import time
 
 import numpy as np
@@ -89,8 +90,69 @@ def client(server):
     return silhouette.Client(server)
 
 
-def publish(client, left=WALL, right=WALL):
+@pytest.fixture(scope="session")
+def modules(tmp_path_factory):
+    """What protoc makes of the API, with Debian's own plugin."""
+    folder = tmp_path_factory.mktemp("modules")
+    protos = sorted((SOURCE / "proto/silhouette/v1").glob("*.proto"))
+    subprocess.run(["protoc", "-I", SOURCE / "proto", f"--python_out={folder}", f"--grpc_out={folder}",
+                    "--plugin=protoc-gen-grpc=/usr/bin/grpc_python_plugin", *protos], check=True)
+    return folder
+
+
+FAKE = """import concurrent.futures, time
+import grpc
+from silhouette.v1 import collision_service_pb2 as messages, collision_service_pb2_grpc as collisions
+from silhouette.v1 import scene_service_pb2_grpc as scenes, types_pb2 as types
+
+FREE = types.Verdict(state=types.Verdict.STATE_FREE)
+
+def basis():
+    made = types.Basis(scene_id=1)
+    made.valid_for.FromMilliseconds(200)
+    made.server_clock.FromNanoseconds(time.clock_gettime_ns(time.CLOCK_BOOTTIME))
+    return made
+
+class Collisions(collisions.CollisionServiceServicer):
+    def CheckConfigurations(self, request, context):
+        answer = messages.CheckConfigurationsResponse(basis=basis(), verdicts=[FREE] * len(request.configurations))
+        if request.configurations:
+            time.sleep(0.4)
+        return answer
+
+    def WatchPath(self, request, context):
+        yield messages.WatchPathResponse(check=messages.CheckPathResponse(basis=basis(), verdict=FREE))
+        while context.is_active():
+            time.sleep(0.01)
+
+class Scenes(scenes.SceneServiceServicer):
+    def RevokeRegion(self, request, context):
+        context.abort(grpc.StatusCode.ABORTED, "the database was replaced")
+
+server = grpc.server(concurrent.futures.ThreadPoolExecutor(8))
+collisions.add_CollisionServiceServicer_to_server(Collisions(), server)
+scenes.add_SceneServiceServicer_to_server(Scenes(), server)
+port = server.add_insecure_port("127.0.0.1:0")
+server.start()
+print(port, flush=True)
+server.wait_for_termination()
+"""
+
+
+@pytest.fixture
+def fake(modules):
+    """The address of a server that calls everything free for 0.2 s, answers checks after 0.4 s, sends one
+    update of a watched path, and revokes no region."""
+    process = subprocess.Popen([sys.executable, "-c", FAKE], stdout=subprocess.PIPE, text=True,
+                               env={**os.environ, "PYTHONPATH": str(modules)})
+    yield f"127.0.0.1:{process.stdout.readline().strip()}"
+    process.kill()
+    process.wait()
+
+
+def publish(client, left=WALL, right=WALL, variant=""):
     taken = time.monotonic()
     robot = robot_at(0, 0)
     return client.publish_scene(
-        joints={"x": 0.0, "y": 0.0}, views={"left": left | robot, "right": right | robot}, taken=taken)
+        joints={"x": 0.0, "y": 0.0}, views={"left": left | robot, "right": right | robot}, variant=variant,
+        taken=taken)

@@ -5,9 +5,9 @@ import os
 import pathlib
 import subprocess
 import sys
+import textwrap
 
 import numpy as np
-import pytest
 
 from conftest import SOURCE, TRUTH, publish
 
@@ -71,16 +71,6 @@ def test_a_type_checker_reads_the_package_and_finds_mistakes(tmp_path):
     assert ended.returncode == 1 and "Found 2 errors" in ended.stdout, ended.stdout + ended.stderr
 
 
-@pytest.fixture(scope="module")
-def modules(tmp_path_factory):
-    """What protoc makes of the API, with Debian's own plugin."""
-    folder = tmp_path_factory.mktemp("modules")
-    protos = sorted((SOURCE / "proto/silhouette/v1").glob("*.proto"))
-    run("protoc", "-I", SOURCE / "proto", f"--python_out={folder}", f"--grpc_out={folder}",
-        "--plugin=protoc-gen-grpc=/usr/bin/grpc_python_plugin", *protos)
-    return folder
-
-
 PLAIN = """import sys
 {first}
 import grpc
@@ -107,6 +97,19 @@ def test_plain_grpc_works_beside_the_package_in_one_process(client, server, modu
              f"silhouette.__path__.append({str(modules / 'silhouette')!r})")
     out = run(sys.executable, "-c", PLAIN.format(first=first), server)
     assert out.strip() == "[1, 2]"
+
+
+def test_the_readme_calls_free_what_is_and_not_what_expired_on_its_way(client, server, fake, modules):
+    readme = (SOURCE / "clients/python/README.md").read_text()
+    example = readme[readme.index("    import time\n    import grpc\n"):readme.index("The modules share")]
+
+    def free_by(address):
+        script = textwrap.dedent(example).replace("127.0.0.1:50051", address) + "\nprint(free)\n"
+        return run(sys.executable, "-c", script, PYTHONPATH=str(modules)).strip()
+
+    publish(client)
+    assert free_by(server) == "True"
+    assert free_by(fake) == "False"
 
 
 def test_the_example_connects_plans_and_shows(client, server, tmp_path):
