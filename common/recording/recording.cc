@@ -50,6 +50,7 @@ absl::StatusOr<std::unique_ptr<Recording>> Recording::Open(const std::string& pa
   if (!recording->databases_.empty()) {
     const v1::GetDatabaseResponse& database = recording->databases_.front().second;
     summary.cell = database.cell_name();
+    summary.cell_digest = database.cell_digest();
     summary.generation = database.generation();
   }
   return recording;

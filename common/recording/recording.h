@@ -23,7 +23,8 @@ namespace silhouette {
 // What a recording is about.
 struct RecordingSummary {
   std::string cell;
-  uint64_t generation = 0;  // of the database
+  uint64_t cell_digest = 0;  // as in v1::Basis; 0: not recorded
+  uint64_t generation = 0;   // of the database
   absl::Time start = absl::InfiniteFuture();
   absl::Time end = absl::InfinitePast();
   std::vector<absl::Time> scenes;  // when each was recorded, ascending

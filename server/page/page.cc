@@ -6,6 +6,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -114,7 +115,9 @@ class Changes final : public Watcher {
     const Reason reason = BlockedReason(served, policy, serving_.settings.scene, now);
     if (stops_.empty() ? reason == Reason::kNone : reason == stops_.front().reason) return;
     const std::vector<SceneDefect> defects = DefectsOf(served, reason, serving_.settings, now);
-    stops_.push_front({now.time, reason, defects.empty() ? "" : defects.front().message});
+    auto stated = std::ranges::find(defects, reason, &SceneDefect::reason);
+    if (stated == defects.end()) stated = defects.begin();
+    stops_.push_front({now.time, reason, defects.empty() ? "" : stated->message});
     if (stops_.size() > kMostStops) stops_.pop_back();
   }
 

@@ -26,8 +26,8 @@ class CellPage {
   static constexpr int kMostStreams = 4;
   // Further connections wait. More than kMostStreams, for the files of the page.
   static constexpr int kMostConnections = 12;
-  // Most bytes of a request's body: masks of all views.
-  static constexpr size_t kMostBody = size_t{1} << 20;
+  // Most bytes of a request's body: masks of all views, such as ten of 1024 x 1024 pixels.
+  static constexpr size_t kMostBody = size_t{2} << 20;
 
   // Answers at http://ADDRESS/ until it is gone. `address`: "host:port"; errors are those of
   // CheckListenAddress, and FailedPrecondition, if other machines reach it and `insecure` is not

@@ -32,7 +32,7 @@ let bound = UNBOUND;           // the server's clock was at most so much ahead o
 let heardAt = 0;
 let was = null;                // whether the last drawing was of something known
 let choice = { x: 0, y: 1, at: {} };   // at: by joint, only what is not to follow the robot
-const samples = [];            // one a second: {second, share (null: unknown), latency}
+const samples = [];            // one a second: {second, share (null: unknown), latency (null: not measured)}
 
 const local = () => performance.now() / 1000;
 const wall = () => Date.now() / 1000 - local();   // changes while our computer sleeps: local() may not
@@ -546,9 +546,8 @@ function drawStops() {
 function sample(now) {
   const { known } = judge(now);
   const counts = now.space && now.space.counts;
-  const latency = now.latency ? (now.latency.to_map.count > 0 ? now.latency.to_map : now.latency.to_scene) : null;
   const second = Math.floor(local());
-  const taken = { second, latency, share: known && counts ? counts.occupied / (counts.free + counts.occupied + counts.unknown) : null };
+  const taken = { second, latency: now.latency, share: known && counts ? counts.occupied / (counts.free + counts.occupied + counts.unknown) : null };
   const last = samples.at(-1);
   if (last && last.second === second) {
     if (taken.share === null) last.share = null;  // a second with a stop is a stop
@@ -560,6 +559,12 @@ function sample(now) {
 
 function drawHistory() {
   const canvas = $("history");
+  const none = snapshot && snapshot.space && !snapshot.space.counted;
+  canvas.hidden = none;
+  text($("history-note"), none ? "Not measured: no map of the whole space is made while robot images are drawn. "
+    + "'silhouette-capture draw' stores them."
+    : "Occupied share of the configuration space, since this page was opened. Striped: unknown.");
+  if (none) return;
   const [left, high, bottom] = [40, 110, 20];
   const wide = Math.max(200, canvas.clientWidth);
   const context = scaled(canvas, wide, high + bottom);
@@ -603,7 +608,18 @@ function drawHistory() {
     ? `Occupied share, now ${(100 * newest.share).toFixed(1)} percent` : "Occupied share: unknown now");
 }
 
-// Of the last minute, or as long as the page has looked.
+const latencyKind = (latency) => latency.to_map.count > 0 ? "to_map" : "to_scene";
+
+// Scenes of the last minute, or as long as the page has looked: how many each bar has.
+function latencyBars(latency) {
+  const kind = latencyKind(latency);
+  const now = latency[kind];
+  const before = samples.find((one) => one.latency && one.second >= local() - 60)?.latency[kind];
+  const first = before && before.count <= now.count ? before : { within: now.within.map(() => 0), count: 0 };
+  const sums = [...now.within.map((n, i) => n - first.within[i]), now.count - first.count];
+  return sums.map((n, i) => n - (i ? sums[i - 1] : 0));
+}
+
 function drawLatency(shown) {
   const canvas = $("latency");
   canvas.hidden = !shown.latency;
@@ -611,12 +627,8 @@ function drawLatency(shown) {
     text($("latency-text"), "Not measured: clients take the images. It is with --live.");
     return;
   }
-  const kind = shown.latency.to_map.count > 0 ? "to_map" : "to_scene";
-  const now = shown.latency[kind];
-  const before = samples.find((one) => one.latency && one.second >= local() - 60)?.latency;
-  const [first, all] = before && before.count < now.count ? [before, now.count - before.count] : [null, now.count];
-  const sums = [...now.within.map((n, i) => n - (first ? first.within[i] : 0)), all];
-  const bars = sums.map((n, i) => n - (i ? sums[i - 1] : 0));
+  const kind = latencyKind(shown.latency);
+  const bars = latencyBars(shown.latency);
   const wide = Math.max(200, canvas.clientWidth);
   const high = 100;
   const context = scaled(canvas, wide, high + 22);
@@ -650,7 +662,7 @@ function drawFacts(shown, known) {
   text($("skew"), scene ? duration(seconds(scene.skew)) : "–");
   text($("preset"), shown.database.default_policy.preset);
   text($("variant"), shown.basis.scene_variant || (scene ? "unknown" : "–"));
-  text($("regions"), shown.basis.regions.join(", ") || "none");
+  text($("regions"), shown.regions.map((region) => region.name).join(", ") || "none");
   const defects = shown.basis.defects.map((defect) => defect.message);
   if (!known && defects.length === 0) defects.push(judge().status);
   if (shown.basis.unverified_model) defects.push("The robot's model is not verified.");

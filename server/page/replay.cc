@@ -134,6 +134,11 @@ absl::StatusOr<std::unique_ptr<Replay>> Replay::Open(const std::string& path,
     return FailedPrecondition(path, ": the recording is of the cell '", summary.cell,
                               "', and the cell file is of '", served.cell_name(), "'");
   }
+  if (summary.cell_digest != 0 && summary.cell_digest != database->cell_digest()) {
+    return FailedPrecondition(path, ": the recording is of another cell or grid of the name '",
+                              summary.cell,
+                              "' than the database; give the database that was served then");
+  }
   RETURN_IF_ERROR(database->CanServe(policy));
   ServingSettings frozen;
   frozen.policy = policy;
@@ -173,25 +178,24 @@ json Replay::TimeLine() const {
           {"other_database", recorded.generation != database_->generation()}};
 }
 
-json Replay::PlaceOf(int64_t time, const RecordedMoment& moment) const {
+json Replay::PlaceOf(int64_t time, bool scene) const {
   const std::vector<absl::Time>& scenes = summary().scenes;
   const auto next = std::ranges::upper_bound(scenes, time, {}, MillisOf);
   auto shown = next;
-  if (shown != scenes.begin() && moment.scene) --shown;
+  if (shown != scenes.begin() && scene) --shown;
   return {{"time", time},
           {"previous", shown == scenes.begin() ? json() : json(MillisOf(*std::prev(shown)))},
           {"next", next == scenes.end() ? json() : json(MillisOf(*next))}};
 }
 
-absl::StatusOr<json> Replay::Show(int64_t time, const SliceChoice& choice) const {
-  const int64_t bounded = std::clamp(time, MillisOf(summary().start), MillisOf(summary().end));
-  const absl::Time exact = std::min(absl::FromUnixMillis(bounded), summary().end);
-  RecordedMoment moment;
-  {
-    const std::lock_guard lock(mutex_);
-    ASSIGN_OR_RETURN(moment, recording_->At(exact, settings_.scene.max_age));
-  }
-  const Moment now = MomentAt(exact);
+absl::StatusOr<RecordedMoment> Replay::MomentOf(absl::Time time) const {
+  const std::lock_guard lock(mutex_);
+  return recording_->At(time, settings_.scene.max_age);
+}
+
+absl::StatusOr<json> Replay::Show(absl::Time time, RecordedMoment moment,
+                                  const SliceChoice& choice) const {
+  const Moment now = MomentAt(time);
   ServingSettings settings = settings_;
   settings.clock = [now] { return now; };
   if (moment.database.has_calibration_check() && !moment.database.calibration_check().holds()) {
@@ -202,7 +206,6 @@ absl::StatusOr<json> Replay::Show(int64_t time, const SliceChoice& choice) const
                          .message = moment.database.calibration_check().message()});
   }
   Serving serving(database_, std::move(settings));
-  const json place = PlaceOf(bounded, moment);
   if (!moment.state) moment.scene.reset();  // what holds beside it is not known
   if (moment.scene) {
     ASSIGN_OR_RETURN(Scene scene, SceneOf(moment, *database_, settings_));
@@ -216,7 +219,6 @@ absl::StatusOr<json> Replay::Show(int64_t time, const SliceChoice& choice) const
   }
   json shown = PageSnapshot(serving, choice);
   if (shown.contains("error")) return shown;
-  shown["replay"] = place;
   if (!moment.scene) {
     json& defects = shown["basis"]["defects"] = json::array({{{"message", kNoScene}}});
     for (const SceneDefect& defect : DefectsOf(moment)) {
@@ -234,13 +236,21 @@ absl::StatusOr<json> Replay::Show(int64_t time, const SliceChoice& choice) const
 }
 
 json Replay::At(int64_t time, const SliceChoice& choice) const {
+  const int64_t bounded = std::clamp(time, MillisOf(summary().start), MillisOf(summary().end));
+  const absl::Time exact = std::min(absl::FromUnixMillis(bounded), summary().end);
+  bool scene = true;  // of a moment that cannot be read: the way back must not lead to it again
+  json shown;
   try {
-    absl::StatusOr<json> shown = Show(time, choice);
-    if (shown.ok()) return *std::move(shown);
-    return {{"error", std::string(shown.status().message())}};
+    absl::StatusOr<RecordedMoment> moment = MomentOf(exact);
+    if (moment.ok()) scene = moment->scene.has_value();
+    absl::StatusOr<json> made =
+        moment.ok() ? Show(exact, *std::move(moment), choice) : moment.status();
+    shown = made.ok() ? *std::move(made) : json{{"error", std::string(made.status().message())}};
   } catch (const std::exception& error) {
-    return {{"error", absl::StrCat("internal error: ", error.what())}};
+    shown = {{"error", absl::StrCat("internal error: ", error.what())}};
   }
+  shown["replay"] = PlaceOf(bounded, scene);
+  return shown;
 }
 
 }  // namespace silhouette

@@ -10,6 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "common/recording/recording.h"
 #include "server/page/snapshot.h"
 #include "server/scene/served_database.h"
@@ -22,7 +23,7 @@ class Replay {
  public:
   // `settings`: policy, scene, segmentation and joint_slides of the cell; the rest is not used.
   // Errors: those of Recording::Open and ServedDatabase::CanServe. FailedPrecondition: the
-  // recording is empty, or of another cell.
+  // recording is empty, or of another cell or grid.
   static absl::StatusOr<std::unique_ptr<Replay>> Open(
       const std::string& path, std::shared_ptr<const ServedDatabase> database,
       const ServingSettings& settings);
@@ -32,7 +33,8 @@ class Replay {
 
   // The snapshot of a moment, made by the code that makes those of the present, with a clock that
   // stands still there. Nothing is known where no scene is recorded, and where the server knew
-  // nothing then: "error" if the moment cannot be made at all.
+  // nothing then: "error" if the moment cannot be made at all. "replay", where it is among the
+  // scenes, comes with an error, too.
   nlohmann::json At(int64_t time, const SliceChoice& choice) const;
 
   const RecordingSummary& summary() const { return recording_->summary(); }
@@ -40,9 +42,11 @@ class Replay {
  private:
   Replay(std::unique_ptr<Recording> recording, std::shared_ptr<const ServedDatabase> database,
          ServingSettings settings);
-  absl::StatusOr<nlohmann::json> Show(int64_t time, const SliceChoice& choice) const;
-  // Where the moment is: among the scenes.
-  nlohmann::json PlaceOf(int64_t time, const RecordedMoment& moment) const;
+  absl::StatusOr<RecordedMoment> MomentOf(absl::Time time) const;
+  absl::StatusOr<nlohmann::json> Show(absl::Time time, RecordedMoment moment,
+                                      const SliceChoice& choice) const;
+  // Where the moment is among the scenes; `scene`: it has one.
+  nlohmann::json PlaceOf(int64_t time, bool scene) const;
 
   const std::shared_ptr<const ServedDatabase> database_;
   const ServingSettings settings_;

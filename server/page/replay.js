@@ -43,7 +43,7 @@ async function show() {
     do {
       asked = `moment?time=${position}&${slice()}`;
       const now = await ask(asked);
-      snapshot = now.error ? { ...snapshot, error: now.error } : now;
+      snapshot = now.error ? { ...snapshot, ...now } : now;
       failed = "";
     } while (asked !== `moment?time=${position}&${slice()}`);
   } catch (error) {

@@ -18,6 +18,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "db/status/status_macros.h"
 #include "server/service/answers.h"
 #include "server/service/calls.h"
 #include "server/service/defects.h"
@@ -172,6 +173,21 @@ json CountsJson(const ConfigurationSpace& space, uint64_t configurations) {
   return {{"free", free}, {"occupied", occupied}, {"unknown", configurations - free - occupied}};
 }
 
+// Whether counts are ever worked out: where the map would be drawn for them, only those of a slice
+// that has all tiles are.
+bool IsCounted(const ServedDatabase& database, const Slice& slice) {
+  if (!DrawsMaps(database)) return true;
+  const ConfigurationGrid& grid = database.grid();
+  bool all_tiles = grid.tiles() <= kMaxDrawnTiles;
+  for (int j = 0; j < grid.dimensions(); ++j) {
+    const auto i = static_cast<size_t>(j);
+    if (j != slice.x && j != slice.y && grid.joints()[i].steps > grid.tile_edges()[i]) {
+      all_tiles = false;
+    }
+  }
+  return all_tiles;
+}
+
 // The slice and the counts. Where nothing is known: no cells, no counts, and why.
 json SpaceJson(Serving& serving, const Checker& checker, const SliceChoice& choice,
                const std::optional<Configuration>& present) {
@@ -180,7 +196,8 @@ json SpaceJson(Serving& serving, const Checker& checker, const SliceChoice& choi
   const Slice slice = SliceOf(choice, grid, present);
   json shown = {
       {"x", slice.x},     {"y", slice.y},      {"at", StepsJson(slice, grid.dimensions())},
-      {"cells", nullptr}, {"counts", nullptr}, {"missing", ""}};
+      {"cells", nullptr}, {"counts", nullptr}, {"counted", IsCounted(*served.database, slice)},
+      {"missing", ""}};
   const auto without = [&](const std::string& why) {
     shown["missing"] = why;
     return shown;
@@ -244,28 +261,69 @@ json WaypointsJson(const v1::CheckPathRequest& request) {
   return waypoints;
 }
 
-// What a watched path's client was told, and whether that still holds.
-json PathJson(const WatchedPath& path, const Checker& checker, const Moment& now) {
+// What `told` says by now.
+State StateOf(const WatchedPath::Told* told, const Moment& now) {
+  if (told == nullptr) return State::kUnknown;
+  const v1::CheckPathResponse& check = told->response.check();
+  if (told->at + DurationFrom(check.basis().valid_for()) <= now.running) return State::kUnknown;
+  switch (check.verdict().state()) {
+    case v1::Verdict::STATE_FREE:
+      return State::kFree;
+    case v1::Verdict::STATE_OCCUPIED:
+      return State::kOccupied;
+    default:
+      return State::kUnknown;
+  }
+}
+
+// Of what is shown, for the variant and the policy that a client asks with.
+absl::StatusOr<Checker> CheckerOf(const v1::CheckPathRequest& request, const Served& served,
+                                  const Serving& serving) {
+  ASSIGN_OR_RETURN(Served asked, WithVariant(served, request.variant()));
+  ASSIGN_OR_RETURN(const Policy policy, PolicyFor(serving, request.policy(), *asked.database));
+  return Checker(std::move(asked), policy, serving.settings.scene, serving.settings.clock());
+}
+
+// What a watched path's client was told, and whether that still holds. Why it is blocked is worked
+// out by CheckerOf; null if that cannot be.
+json PathJson(const WatchedPath& path, const WatchedPath::Told* told, State state,
+              const Served& served, const Serving& serving) {
   json shown = {{"client", path.client},
                 {"waypoints", WaypointsJson(path.request)},
                 {"waypoint_count", path.request.waypoints_size()},
                 {"check", nullptr},
-                {"state", NameOf(State::kUnknown)},
+                {"state", NameOf(state)},
                 {"valid_until", 0},  // s, by the server's running clock
                 {"why", nullptr}};
-  const std::shared_ptr<const WatchedPath::Told> told = path.told();
   if (told == nullptr) return shown;
   const v1::CheckPathResponse& check = told->response.check();
   shown["check"] = JsonOf(check);
-  const absl::Duration end = told->at + DurationFrom(check.basis().valid_for());
-  if (end <= now.running) return shown;
-  shown["valid_until"] = absl::ToDoubleSeconds(end);
-  if (check.verdict().state() == v1::Verdict::STATE_FREE) shown["state"] = NameOf(State::kFree);
-  if (check.verdict().state() != v1::Verdict::STATE_OCCUPIED) return shown;
-  shown["state"] = NameOf(State::kOccupied);
+  shown["valid_until"] = absl::ToDoubleSeconds(told->at + DurationFrom(check.basis().valid_for()));
+  if (state != State::kOccupied) return shown;
+  const absl::StatusOr<Checker> checker = CheckerOf(path.request, served, serving);
   const auto& q = check.configuration().positions();
-  if (q.size() == checker.served().database->grid().dimensions()) {
-    shown["why"] = WhyJson(checker, {q.data(), static_cast<size_t>(q.size())});
+  if (checker.ok() && q.size() == checker->served().database->grid().dimensions()) {
+    shown["why"] = WhyJson(*checker, {q.data(), static_cast<size_t>(q.size())});
+  }
+  return shown;
+}
+
+// The first kMostPaths, blocked ones before unknown and free ones.
+json PathsJson(const std::vector<std::shared_ptr<const WatchedPath>>& paths, const Served& served,
+               const Serving& serving) {
+  const Moment now = serving.settings.clock();
+  json shown = json::array();
+  std::vector<std::pair<std::shared_ptr<const WatchedPath::Told>, State>> told;
+  for (const auto& path : paths) {
+    std::shared_ptr<const WatchedPath::Told> newest = path->told();
+    const State state = StateOf(newest.get(), now);
+    told.emplace_back(std::move(newest), state);
+  }
+  for (const State state : {State::kOccupied, State::kUnknown, State::kFree}) {
+    for (size_t i = 0; i < paths.size() && shown.size() < kMostPaths; ++i) {
+      if (told[i].second != state) continue;
+      shown.push_back(PathJson(*paths[i], told[i].first.get(), state, served, serving));
+    }
   }
   return shown;
 }
@@ -339,10 +397,7 @@ json SnapshotJson(Serving& serving, const SliceChoice& choice) {
   AddAcquisition(serving, shown);
   const auto paths = serving.watched_paths.All();
   shown["path_count"] = paths.size();
-  shown["paths"] = json::array();
-  for (size_t i = 0; i < std::min(paths.size(), kMostPaths); ++i) {
-    shown["paths"].push_back(PathJson(*paths[i], *checker, serving.settings.clock()));
-  }
+  shown["paths"] = PathsJson(paths, served, serving);
   // Last: what cannot be rested on by now is unknown.
   v1::Basis basis;
   const Reason blocked = Conclude(serving, served, checker->policy(), &basis);

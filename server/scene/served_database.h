@@ -78,7 +78,7 @@ struct LoadSettings {
   // captured. No verdict rests on captured ones then. Maps rest on the collision index of stored
   // drawn ones if they are of the very same robot.
   std::optional<DrawnCell> drawn = std::nullopt;
-  // Why the calibration cannot be that of the robot images; empty: nothing speaks against it.
+  // Why nothing may rest on the calibration; empty: nothing speaks against it.
   std::string calibration_doubt = {};
 };
 

@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "capture/session/travel.h"
@@ -32,6 +33,15 @@ void CheckTolerances(const Cell& cell, const std::optional<YamlNode>& section) {
       "joint_tolerance, ", cell.capture.joint_tolerance, ", is more than the server's ",
       "fixed_joint_tolerance, ", most, ": robot images would be captured with fixed joints where ",
       "the server does not use them; state a larger fixed_joint_tolerance, too"));
+}
+
+// What rests on a model needs masks of all that touches a mask pixel.
+void CheckMinCover(const Cell& cell, const std::optional<YamlNode>& section) {
+  if (!section || cell.segmentation.min_cover == 0) return;
+  if (!cell.sound && !cell.robot.drawn) return;
+  section->Fail(
+      "min_cover must be 0 with the section 'sound' and with drawn robot images: they rest on "
+      "masks of all that touches a mask pixel; leave it out");
 }
 
 Cell ReadCell(const std::string& path) {
@@ -103,6 +113,7 @@ Cell ReadCell(const std::string& path) {
   }
   if (server_node) cell.server = ReadServer(*server_node, folder);
   CheckTolerances(cell, capture_node ? capture_node : server_node);
+  CheckMinCover(cell, segmentation_node);
   return cell;
 }
 
@@ -116,6 +127,27 @@ void TakeTilesOfDatabase(Cell& cell) {
   if (!std::ranges::equal(joints, stored)) return;
   const std::span<const int> edges = (*database)->grid().tile_edges();
   cell.grid = ConfigurationGrid({joints.begin(), joints.end()}, {edges.begin(), edges.end()});
+}
+
+// The checks of the server that the file switches off, by their keys.
+std::vector<std::string> ChecksSwitchedOff(const ServerSettings& server) {
+  const ViewCheckSettings& check = server.scene.view_check;
+  const LifeSettings& life = server.live.life;
+  const std::pair<const char*, bool> checks[] = {
+      {"view_check: least_gain", check.least_gain == 0},
+      {"view_check: greatest_gain", check.greatest_gain >= 10},
+      {"view_check: most_saturated", check.most_saturated == 1},
+      {"view_check: least_structure", check.least_structure == 0},
+      {"view_check: most_shift", check.most_shift >= 20},
+      {"view_check: most_foreground", check.most_foreground == 1},
+      {"view_check: most_robot_missing", check.most_robot_missing == 1},
+      {"live: least_noise", life.least_noise == 0},
+      {"live: least_change", life.least_change == 0}};
+  std::vector<std::string> off;
+  for (const auto& [key, is_off] : checks) {
+    if (is_off) off.push_back(absl::StrCat("'", key, "'"));
+  }
+  return off;
 }
 
 }  // namespace
@@ -205,6 +237,17 @@ std::vector<std::string> Doubts(const Cell& cell) {
   if (scene.max_age > kOld) long_time("max_age", scene.max_age, "old");
   if (scene.max_skew > kApart) {
     long_time("max_skew", scene.max_skew, "apart, between which people move");
+  }
+  if (const auto off = ChecksSwitchedOff(cell.server); !off.empty()) {
+    doubts.push_back(absl::StrCat(
+        "server: ", absl::StrJoin(off, ", "),
+        ": these values switch checks off, and verdicts may be free though what they find is "
+        "wrong (docs/live.md); leave them out, or state values nearer to the defaults"));
+  }
+  if (cell.segmentation.min_cover > 0) {
+    doubts.push_back(absl::StrFormat(
+        "segmentation: min_cover: %g: what covers less of a mask pixel is missed; leave it out",
+        cell.segmentation.min_cover));
   }
   constexpr double kPerson = 0.25;
   if (cell.sound && cell.sound->least_obstacle > kPerson) {

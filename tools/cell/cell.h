@@ -40,6 +40,7 @@ inline constexpr double kMostMove = 0.5;
 
 struct RobotSettings {
   std::shared_ptr<const RobotModel> model;  // null: bare joints
+  std::string urdf;                         // file of the model; empty: bare joints
   RobotDriver driver;
   // How far, in metres, tool and payload reach beyond the model's last link.
   double payload_radius = 0;

@@ -161,7 +161,8 @@ RobotSection ReadRobot(const YamlNode& node, const std::filesystem::path& folder
   if (robot.settings.drawn && !urdf)
     images->Fail("images are drawn from the robot's model; state urdf");
   if (urdf) {
-    auto model = RobotModel::FromUrdf(ResolvePath(folder, urdf->As<std::string>()), package_paths);
+    robot.settings.urdf = ResolvePath(folder, urdf->As<std::string>());
+    auto model = RobotModel::FromUrdf(robot.settings.urdf, package_paths);
     if (!model.ok()) urdf->Fail(std::string(model.status().message()));
     robot.settings.model = std::make_shared<const RobotModel>(*std::move(model));
     for (const RobotJoint& joint : robot.settings.model->joints()) {

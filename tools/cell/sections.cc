@@ -155,14 +155,17 @@ constexpr uint64_t kLeastRequestMemory = 256'000'000;
 ClientLimits ReadLimits(const YamlNode& node) {
   YamlMap map(node);
   ClientLimits limits;
-  limits.connections = AtLeast(map, "connections", limits.connections, 1);
-  limits.connections_per_client =
-      AtLeast(map, "connections_per_client", limits.connections_per_client, 1);
-  limits.streams = AtLeast(map, "streams", limits.streams, 1);
-  limits.streams_per_client = AtLeast(map, "streams_per_client", limits.streams_per_client, 1);
+  const auto read = [&map](const char* key, int& limit) {
+    limit = AtLeast(map, key, limit, 1);
+    if (limit > 1'000'000) map.Required(key).Fail("at most 1000000 is expected");
+  };
+  read("connections", limits.connections);
+  read("connections_per_client", limits.connections_per_client);
+  read("streams", limits.streams);
+  read("streams_per_client", limits.streams_per_client);
   map.Read("calls_per_second", limits.calls_per_second, &YamlNode::AsPositive);
-  limits.waiting = AtLeast(map, "waiting", limits.waiting, 1);
-  limits.waiting_per_client = AtLeast(map, "waiting_per_client", limits.waiting_per_client, 1);
+  read("waiting", limits.waiting);
+  read("waiting_per_client", limits.waiting_per_client);
   map.Read("request_memory", limits.request_memory, &YamlNode::AsBytes);
   if (limits.request_memory < kLeastRequestMemory) {
     map.Required("request_memory").Fail("at least 256 MB is expected");

@@ -244,13 +244,19 @@ absl::StatusOr<ExitCode> CheckLines(const Session& session) {
     PrintAnswers(session, stream, asked, outcome);
     outcome.ended = true;
   });
+  std::jthread stopper([&] {
+    while (!outcome.ended && !StopRequested()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    if (StopRequested()) stream.Cancel();
+  });
   const absl::Status mistake = CheckLinesAsk(session, joints, stream, asked, outcome.ended);
   stream.EndQuestions();
   printer.join();
-  RETURN_IF_ERROR(outcome.status);
-  RETURN_IF_ERROR(mistake);
   // There may be lines that were not checked.
   if (StopRequested()) return kStopped;
+  RETURN_IF_ERROR(outcome.status);
+  RETURN_IF_ERROR(mistake);
   if (outcome.answers == 0) {
     return absl::InvalidArgumentError(
         "standard input has no configuration; give one on each line, as the program before the "

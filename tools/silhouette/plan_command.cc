@@ -50,20 +50,13 @@ struct Findings {
 std::string OutcomeText(const Findings& findings) {
   const PlanOutcome outcome = findings.search.plan.outcome;
   const client::Basis& basis = findings.space.basis();
-  const auto end = [&](const client::Verdict& verdict, const std::string& what) {
-    return absl::StrCat("the ", what, " is ", Spoken(verdict, basis));
-  };
   if (outcome == PlanOutcome::kStartBlocked && !findings.at_start.free()) {
-    return end(findings.at_start, "start");
+    return BlockedEnd("start", findings.at_start, basis);
   }
   if (outcome == PlanOutcome::kGoalBlocked && !findings.at_goal.free()) {
-    return end(findings.at_goal, "goal");
+    return BlockedEnd("goal", findings.at_goal, basis);
   }
-  if (findings.check && !findings.check->verdict.free()) {
-    return absl::StrCat("the path found is not free at ", Spoken(findings.check->configuration),
-                        ": ", Spoken(findings.check->verdict, findings.check->basis),
-                        "; has the scene changed? plan again");
-  }
+  if (findings.check && !findings.check->verdict.free()) return BlockedPath(*findings.check);
   if (findings.search.unknown) {
     return absl::StrCat("while it was planned, verdicts became ",
                         Spoken(*findings.search.unknown, basis));
@@ -100,17 +93,10 @@ absl::StatusOr<Findings> FindPath(const Session& session, const Client& client,
   return findings;
 }
 
-// Without a path the file says so, and no path of an earlier plan is left in it.
 absl::Status WritePath(const Findings& findings, const std::string& path) {
-  Json joints = Json::array();
-  for (const GridJoint& joint : findings.space.grid().joints()) joints.push_back(joint.name);
-  Json json{{"joints", joints}, {"outcome", OutcomeText(findings)}, {"waypoints", Json::array()}};
-  if (findings.found()) {
-    json.update({{"waypoints", findings.search.plan.waypoints},
-                 {"length_steps", findings.search.plan.length},
-                 {"scene_id", findings.check->basis.scene_id},
-                 {"database_generation", findings.check->basis.database_generation}});
-  }
+  Json json = PathFileOf(findings.space.grid().joints(), OutcomeText(findings),
+                         findings.search.plan.waypoints, findings.check);
+  if (findings.found()) json["length_steps"] = findings.search.plan.length;
   return WriteWholeFile(path, json.dump(2) + "\n");
 }
 
@@ -201,7 +187,7 @@ std::string PlanTextOf(const Session& session, TypedJoints& joints, const Findin
   return text;
 }
 
-absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
+absl::StatusOr<ExitCode> PlanAndPrint(const Session& session, const PlanArguments& arguments) {
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
   ASSIGN_OR_RETURN(const auto database, client.GetDatabase());
@@ -240,6 +226,15 @@ absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& a
   return findings.found() ? kDone : kNo;
 }
 
+// However it ends, no path of an earlier plan is left in the file.
+absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
+  if (!arguments.out.empty()) {
+    const Json path = PathFileOf({}, "planning did not end, or ended with an error", {}, {});
+    RETURN_IF_ERROR(WriteWholeFile(arguments.out, path.dump(2) + "\n"));
+  }
+  return PlanAndPrint(session, arguments);
+}
+
 }  // namespace
 
 void AddPlanCommand(CLI::App& program, Session& session) {
@@ -258,7 +253,7 @@ void AddPlanCommand(CLI::App& program, Session& session) {
   command->add_flag("--diagonal", arguments->diagonal, "Move several joints at once (wave)");
   command->add_option("--out", arguments->out,
                       "Write the path as JSON: configurations under the key \"waypoints\",\n"
-                      "none if there is no path");
+                      "none if there is no path, or after an error");
   AddPictureOption(*command, arguments->picture,
                    "Draw configuration space and path as a PNG, for grids of two joints");
   command->add_option("--truth", arguments->truth,

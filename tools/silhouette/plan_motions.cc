@@ -10,7 +10,7 @@
 #include "clients/planners/joint_search.h"
 #include "common/picture/files.h"
 #include "db/status/status_macros.h"
-#include "tools/silhouette/formats/output.h"
+#include "silhouette/messages.h"
 #include "tools/silhouette/plan_ompl.h"
 
 namespace silhouette {
@@ -26,18 +26,6 @@ struct MotionPlan {
 
   bool found() const { return check && check->verdict.free(); }
 };
-
-std::vector<GridJoint> JointsOf(const v1::GetDatabaseResponse& database) {
-  std::vector<GridJoint> joints;
-  for (const v1::GridJoint& joint : database.grid().joints()) {
-    joints.push_back({.name = joint.name(),
-                      .lower = joint.lower(),
-                      .upper = joint.upper(),
-                      .steps = joint.steps(),
-                      .continuous = joint.continuous()});
-  }
-  return joints;
-}
 
 absl::StatusOr<MotionPlan> FindByMotions(const Session& session, const Client& client,
                                          const std::string& planner,
@@ -71,28 +59,13 @@ absl::StatusOr<MotionPlan> FindByMotions(const Session& session, const Client& c
 std::string MotionOutcome(const MotionPlan& plan) {
   for (size_t i = 0; i < 2; ++i) {
     if (plan.ends.verdicts[i].free()) continue;
-    return absl::StrCat("the ", i == 0 ? "start" : "goal", " is ",
-                        Spoken(plan.ends.verdicts[i], plan.ends.basis));
+    return BlockedEnd(i == 0 ? "start" : "goal", plan.ends.verdicts[i], plan.ends.basis);
   }
   if (!plan.check) {
     return absl::StrFormat("none was found by %s in %.0f ms; there may be one all the same",
                            plan.planner, plan.search_ms);
   }
-  if (plan.found()) return "found";
-  return absl::StrCat("the path found is not free at ", Spoken(plan.check->configuration), ": ",
-                      Spoken(plan.check->verdict, plan.check->basis),
-                      "; has the scene changed? plan again");
-}
-
-Json MotionPathJson(const MotionPlan& plan, const std::vector<GridJoint>& joints) {
-  Json names = Json::array();
-  for (const GridJoint& joint : joints) names.push_back(joint.name);
-  Json json{{"joints", names}, {"outcome", MotionOutcome(plan)}, {"waypoints", Json::array()}};
-  if (!plan.found()) return json;
-  json.update({{"waypoints", plan.search.waypoints},
-               {"scene_id", plan.check->basis.scene_id},
-               {"database_generation", plan.check->basis.database_generation}});
-  return json;
+  return plan.found() ? "found" : BlockedPath(*plan.check);
 }
 
 // `hint` follows the reason why there is none.
@@ -107,15 +80,40 @@ std::string MotionPlanText(const MotionPlan& plan, const std::string& hint) {
 
 }  // namespace
 
+std::string BlockedEnd(const std::string& end, const client::Verdict& verdict,
+                       const client::Basis& basis) {
+  return absl::StrCat("the ", end, " is ", Spoken(verdict, basis));
+}
+
+std::string BlockedPath(const client::PathCheck& check) {
+  return absl::StrCat("the path found is not free at ", Spoken(check.configuration), ": ",
+                      Spoken(check.verdict, check.basis), "; has the scene changed? plan again");
+}
+
+Json PathFileOf(std::span<const GridJoint> joints, const std::string& outcome,
+                const std::vector<Configuration>& waypoints,
+                const std::optional<client::PathCheck>& check) {
+  Json names = Json::array();
+  for (const GridJoint& joint : joints) names.push_back(joint.name);
+  Json json{{"joints", names}, {"outcome", outcome}, {"waypoints", Json::array()}};
+  if (!check || !check->verdict.free()) return json;
+  json.update({{"waypoints", waypoints},
+               {"scene_id", check->basis.scene_id},
+               {"database_generation", check->basis.database_generation}});
+  return json;
+}
+
 absl::StatusOr<ExitCode> PlanByMotions(const Session& session, const Client& client,
                                        const v1::GetDatabaseResponse& database,
                                        const std::string& planner, const Configuration& start,
                                        const Configuration& goal, const std::string& out) {
-  const std::vector<GridJoint> joints = JointsOf(database);
+  ASSIGN_OR_RETURN(const ConfigurationGrid grid, client::FromMessage(database.grid()));
+  const std::vector<GridJoint> joints(grid.joints().begin(), grid.joints().end());
   ASSIGN_OR_RETURN(const MotionPlan plan,
                    FindByMotions(session, client, planner, joints, start, goal));
   if (!out.empty()) {
-    RETURN_IF_ERROR(WriteWholeFile(out, MotionPathJson(plan, joints).dump(2) + "\n"));
+    const Json path = PathFileOf(joints, MotionOutcome(plan), plan.search.waypoints, plan.check);
+    RETURN_IF_ERROR(WriteWholeFile(out, path.dump(2) + "\n"));
   }
   Json json{{"found", plan.found()},
             {"outcome", MotionOutcome(plan)},

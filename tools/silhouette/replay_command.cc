@@ -170,6 +170,11 @@ absl::Status CompareDatabases(const Client& client, const v1::GetDatabaseRespons
                               "', and the server at ", client.address(), " serves '",
                               served.cell_name(), "'");
   }
+  if (recorded.cell_digest() != 0 && served.cell_digest() != recorded.cell_digest()) {
+    return FailedPrecondition("the recording is of another cell or grid of the name '",
+                              recorded.cell_name(), "' than the server at ", client.address(),
+                              " serves; start it with the database that was served then");
+  }
   if (served.generation() != recorded.generation()) {
     std::cerr << "silhouette: warning: the recording is of database generation "
               << recorded.generation() << ", and the server has " << served.generation()
@@ -207,6 +212,13 @@ absl::StatusOr<std::vector<Question>> QuestionsAt(const Session& session,
   return questions;
 }
 
+// Never empty.
+std::string DefectText(const v1::SceneDefect& defect) {
+  if (!defect.message().empty()) return defect.message();
+  if (defect.reason() == v1::Verdict::REASON_UNSPECIFIED) return "a defect";
+  return NameOf(client::FromMessage(defect.reason()));
+}
+
 // Why everything was unknown then, whatever the preset; empty: it was not.
 std::string UnknownThen(const RecordedMoment& moment) {
   if (!moment.scene) {
@@ -214,8 +226,8 @@ std::string UnknownThen(const RecordedMoment& moment) {
                         " before that moment");
   }
   if (!moment.state) return "what held beside the scene is not recorded";
-  for (const v1::SceneDefect& defect : moment.scene->defects()) return defect.message();
-  for (const v1::SceneDefect& defect : moment.state->defects()) return defect.message();
+  for (const v1::SceneDefect& defect : moment.scene->defects()) return DefectText(defect);
+  for (const v1::SceneDefect& defect : moment.state->defects()) return DefectText(defect);
   if (moment.state->unknown_reason() == v1::Verdict::REASON_UNSPECIFIED) return "";
   return NameOf(client::FromMessage(moment.state->unknown_reason()));
 }
@@ -255,7 +267,7 @@ absl::StatusOr<ExitCode> Feed(const Session& session, const ReplayArguments& arg
                                                        " of them without joint values, as nothing "
                                                        "was known then"),
                            "\n"));
-  return DoneOr(summary);
+  return published < summary.scenes.size() ? kStopped : DoneOr(summary);
 }
 
 // "free", "occupied", "unknown: no scene"
@@ -274,17 +286,10 @@ std::string SaidThen(const v1::WatchedPath& path) {
 // What `stated` leaves open is as it was asked then.
 Session AsAskedThen(const v1::CheckPathRequest& then, Session stated) {
   if (stated.variant.empty()) stated.variant = then.variant();
-  client::Policy& policy = stated.policy;
+  const client::Policy& policy = stated.policy;
   const bool states_policy =
       !policy.preset.empty() || policy.min_views || policy.max_occluded_views || policy.off_grid;
-  if (states_policy) return stated;
-  policy.preset = then.policy().preset();
-  if (then.policy().has_min_views()) policy.min_views = then.policy().min_views();
-  if (then.policy().has_max_occluded_views()) {
-    policy.max_occluded_views = then.policy().max_occluded_views();
-  }
-  if (then.policy().off_grid() == v1::OFF_GRID_CELL) policy.off_grid = client::OffGrid::kCell;
-  if (then.policy().off_grid() == v1::OFF_GRID_NEAREST) policy.off_grid = client::OffGrid::kNearest;
+  if (!states_policy) stated.policy = client::FromMessage(then.policy());
   return stated;
 }
 
@@ -355,7 +360,7 @@ absl::StatusOr<ExitCode> AskAt(const Session& session, const ReplayArguments& ar
   ASSIGN_OR_RETURN(const bool all_free,
                    Answer(session, server.get(), questions, unknown, json, text));
   PrintResult(session.format, json, text);
-  return all_free ? kDone : kNo;
+  return all_free ? DoneOr(recording->summary()) : kNo;
 }
 
 absl::StatusOr<ExitCode> Summarize(const Session& session, const ReplayArguments& arguments) {
@@ -410,22 +415,36 @@ void AddReplayCommand(CLI::App& program, Session& session) {
       "--to", arguments->to,
       "Publish the scenes to the server at this address: one that serves the recording's\n"
       "database and that no planner relies on");
+  CLI::Option* at = command->add_option(
+      "--at", arguments->at,
+      "Only the scene of this moment: a time, or one after the file's beginning, "
+      "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
+      "--preset");
   command->add_option("--speed", arguments->speed, "Playback speed factor")
       ->check(PositiveNumber())
-      ->capture_default_str();
-  command->add_option("--at", arguments->at,
-                      "Only the scene of this moment: a time, or one after the file's beginning, "
-                      "12.5s.\nThen check the path, or all that clients watched, e.g. with another "
-                      "--preset");
+      ->capture_default_str()
+      ->needs("--to")
+      ->excludes(at);
   AddPathArguments(*command, session, arguments->path);
   AddVerdictOptions(*command, session);
+  for (const char* of_verdicts :
+       {"--preset", "--min-views", "--max-occluded-views", "--off-grid", "--variant"}) {
+    command->get_option(of_verdicts)
+        ->needs(at)
+        ->group(
+            "How verdicts are made (default: as the client asked then; for a path given here, the "
+            "server's)");
+  }
+  command->get_option("--degrees")->needs(at);
+  command->get_option("--variant")
+      ->description("The variant that is tested: with this tool, this part; else the scene's");
   command->footer(
       "Without --to and --at: from when to when it is, and its stops. To look at it: "
       "silhouette-server "
       "--replay.\n"
       "Exit codes: 0 done; 1 a path is not free at that moment; 2 wrong arguments or files; 3 a "
       "part\n"
-      "of the recording is damaged and was left out, or the server failed.\n\n"
+      "of the recording is damaged and was left out, or the server failed; 130 Ctrl-C ended it.\n\n"
       "Example:\n"
       "  silhouette replay recordings/stop-20260131T120000.123Z.mcap\n"
       "  silhouette replay stop.mcap --to 127.0.0.1:50052 --speed 0.5\n"

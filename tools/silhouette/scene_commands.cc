@@ -102,6 +102,7 @@ absl::StatusOr<ExitCode> Publish(const Session& session, const PublishArguments&
     ASSIGN_OR_RETURN(database, client.GetDatabase());
   }
   v1::PublishSceneRequest request;
+  request.set_variant(session.variant);
   for (const auto& [name, position] : files.joints) {
     v1::JointPosition& joint = *request.add_joints();
     joint.set_name(name);

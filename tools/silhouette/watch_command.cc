@@ -126,22 +126,6 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
   return kDone;
 }
 
-// Takes from an update what is valid no more, and returns whether there was such a thing.
-bool Expire(client::PathUpdate& update) {
-  constexpr client::Reason kExpired = client::Reason::kUpdateExpired;
-  client::PathCheck& check = update.check;
-  const bool separation = check.separation && HasExpired(*check.separation);
-  if (separation) check.separation = client::Separation{.unknown_reason = kExpired};
-  const bool verdict = check.verdict.free() && !update.FreeNow();
-  if (verdict) {
-    check.verdict = {.reason = kExpired};
-    check.proof = client::PathProof::kNone;
-    check.configuration.clear();
-    check.narrowest.reset();
-  }
-  return separation || verdict;
-}
-
 // One call, until it ends: why it ended, OK if nothing more is wanted.
 absl::Status WatchPathOnce(const Session& session, const Client& client,
                            const std::vector<Configuration>& waypoints,
@@ -149,23 +133,18 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
                            Lines& lines) {
   ASSIGN_OR_RETURN(auto watch,
                    client.WatchPath(waypoints, session.policy, session.clearance, separation));
-  std::optional<client::PathUpdate> latest;
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
-    if (!update.ok() && !absl::IsDeadlineExceeded(update.status())) return update.status();
-    if (update.ok()) latest = *update;
-    // An update may have expired on its way.
-    const bool expired = latest && Expire(*latest);
-    if (!update.ok() && !expired) continue;
-    const client::PathCheck& check = latest->check;
+    if (absl::IsDeadlineExceeded(update.status())) continue;
+    if (!update.ok()) return update.status();
+    const client::PathCheck& check = update->check;
     const std::string text = absl::StrCat(Spoken(check.basis), ": ", Spoken(check));
     Json json = JsonOf(check, session.clearance);
-    if (update.ok()) {
-      json["skipped_scenes"] = latest->skipped_scenes;
-      json["valid_for_s"] = SecondsUntil(latest->check.basis.valid_until);
-      lines.PrintUpdate(text + Skipped(latest->skipped_scenes), json);
-    } else {
+    if (update->repeated) {
       lines.PrintNews(check.verdict.reason, text, json);
+    } else {
+      json["skipped_scenes"] = update->skipped_scenes;
+      lines.PrintUpdate(text + Skipped(update->skipped_scenes), json);
     }
   }
   return absl::OkStatus();

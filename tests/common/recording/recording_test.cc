@@ -38,6 +38,7 @@ class RecordingTest : public ::testing::Test {
   static v1::GetDatabaseResponse Database() {
     v1::GetDatabaseResponse database;
     database.set_cell_name("cell");
+    database.set_cell_digest(5);
     database.set_generation(3);
     database.add_views()->set_name("left");
     return database;
@@ -101,6 +102,7 @@ TEST_F(RecordingTest, AMomentHasTheNewestSceneBeforeIt) {
   }
   const auto recording = Read();
   EXPECT_EQ(recording->summary().cell, "cell");
+  EXPECT_EQ(recording->summary().cell_digest, 5u);
   EXPECT_THAT(recording->summary().scenes, SizeIs(100));
   // In any order.
   for (const int i : {50, 3, 98, 0, 51, 52}) {

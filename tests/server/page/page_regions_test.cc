@@ -150,6 +150,11 @@ TEST_F(PageRegions, LimitsAreThoseOfTheApi) {
   EXPECT_EQ(Listed().regions_size(), 0);
 }
 
+TEST_F(PageRegions, MasksOfSixViewsOfAMillionPixelsEachAreTaken) {
+  const std::string masks(size_t{6} * (1 << 20) / 6, ' ');  // six bits a character
+  EXPECT_EQ(Post(kAllow, masks + Part()), 204) << said;
+}
+
 // A refusal ends the connection, maybe before all is sent: then there is no answer.
 TEST_F(PageRegions, BodiesAreBounded) {
   EXPECT_THAT(Post(kAllow, std::string(CellPage::kMostBody, ' ') + Part()),

@@ -4,12 +4,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "server/page/snapshot.h"
+#include "tests/server/drawn_cell.h"
 #include "tests/server/page/looking.h"
+#include "tests/server/tool_variant.h"
 
 namespace silhouette {
 namespace {
@@ -54,7 +58,39 @@ TEST_F(PageTest, ShowsTheMapThatTheApiReturns) {
   EXPECT_EQ(now["space"]["cells"], expected);
   EXPECT_THAT(expected, testing::AllOf(testing::HasSubstr("f"), testing::HasSubstr("o")));
   EXPECT_EQ(now["space"]["counts"], json(counts));
+  EXPECT_EQ(now["space"]["counted"], true);
   EXPECT_EQ(now["present"]["state"], "free");
+}
+
+TEST(PageOfADrawnRobot, CountsTheWholeSpaceOnlyWhereASliceHasAllTiles) {
+  storage::v1::CellDescription cell = DrawnCellDescription();
+  Configuration at = {2, 0};
+  for (const bool slice_has_all : {true, false}) {
+    const auto created = Database::Create(FreshFolder() / "db", cell);
+    ASSERT_TRUE(created.ok()) << created.status();
+    const auto database = ServedDatabase::Load(
+        **created, {.margin = 0}, {}, std::nullopt,
+        {.calibration = DrawnCalibration(),
+         .drawn =
+             DrawnCell{.robot = std::make_shared<const RobotModel>(DrawnModel()), .parts = {}}});
+    ASSERT_TRUE(database.ok()) << database.status();
+    TestServer test(*database);
+    const auto page = StartPage(test);
+    EXPECT_EQ(SeenOn(*page)["space"]["counted"], slice_has_all) << "without a scene, too";
+    test.Publish(DrawnSceneInput(*(*database)->robot_images().drawn(), at, {}));
+    // A tile that is drawn too late for a snapshot is in the next one.
+    const json space = SeenOn(*page, "", [&](const json& now) {
+      return now["space"][slice_has_all ? "counts" : "cells"] != nullptr;
+    })["space"];
+    EXPECT_EQ(space["counted"], slice_has_all);
+    EXPECT_EQ(space["counts"].is_object(), slice_has_all) << space;
+    cell.clear_fixed_joints();
+    storage::v1::GridJoint& reach = *cell.add_grid_joints();
+    reach.set_name("reach");
+    reach.set_upper(0.2);
+    reach.set_steps(5000);
+    at.push_back(0.1);
+  }
 }
 
 TEST_F(PageTest, UnitsOfJointsAreThoseOfTheModel) {
@@ -92,6 +128,18 @@ TEST_F(PageTest, AnOldSceneIsUnknownAndTheStopIsNoted) {
   EXPECT_EQ(looker.event["stops"][2]["reason"], "no scene");
 }
 
+TEST_F(PageTest, AStopHasTheMessageOfItsReasonNotThatOfAnotherDefect) {
+  SceneInput input = SceneWithBlock(2);
+  input.views.pop_back();
+  test.Publish(input);
+  test.clock.Advance(absl::Seconds(2));
+  Looker looker(*page, "",
+                [](const json& event) { return event["stops"][0]["reason"] == "scene stale"; });
+  looker.Wait();
+  EXPECT_THAT(looker.event["stops"][0]["message"].get<std::string>(),
+              testing::HasSubstr("old, older than max_age"));
+}
+
 TEST_F(PageTest, AViewThatTheSceneLacksIsNotShown) {
   SceneInput input = SceneWithBlock(2);
   input.views.pop_back();
@@ -124,6 +172,82 @@ TEST_F(PageTest, AWatchedPathIsShownWithThePixelsThatConvictIt) {
   context.TryCancel();
   reader->Finish();
   EXPECT_TRUE(Soon([&] { return SeenOn(*page)["paths"].empty(); }));
+}
+
+TEST(PageVariants, ABlockedPathIsShownWithTheRobotThatItsClientAsksAbout) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db");
+  AddTools(folder / "db");
+  BuildIndex(folder / "db");
+  TestServer test(LoadDatabase(folder / "db"));
+  const auto page = StartPage(test);
+  test.Publish(SceneWithBlock(2));
+  v1::CheckPathRequest request;
+  request.set_variant(kTool);
+  Set(At(1, 1), request.add_waypoints());  // only the tool touches the block
+  grpc::ClientContext context;
+  const auto reader = test.collision->WatchPath(&context, request);
+  v1::WatchPathResponse told;
+  ASSERT_TRUE(reader->Read(&told));
+  const json now = SeenOn(*page);
+  ASSERT_EQ(now["paths"][0]["state"], "occupied");
+  v1::Mask robot;
+  Set(ToolMask(0, 1, 1), &robot);
+  EXPECT_EQ(now["paths"][0]["why"]["left"]["robot"], JsonText(robot));
+  v1::Mask convicts;
+  Set(ToolMask(0, 1, 1) & Block(0, 2), &convicts);
+  EXPECT_EQ(now["paths"][0]["why"]["left"]["convicts"], JsonText(convicts));
+  context.TryCancel();
+  reader->Finish();
+}
+
+TEST(PageSnapshot, WhyAPathIsBlockedIsOfTheSceneThatIsShown) {
+  const std::thread::id here = std::this_thread::get_id();
+  int readings = -1;  // of the clock by this thread, until `meanwhile` comes
+  std::function<void()> meanwhile;
+  TestServer test(NewDatabase({.index = true}), {}, [&](const Clock& inner) -> Clock {
+    return [&, inner] {
+      if (std::this_thread::get_id() == here && readings-- == 0) meanwhile();
+      return inner();
+    };
+  });
+  Serving& serving = test.server->serving();
+  test.Publish(SceneWithBlock(2));
+  v1::CheckPathRequest request;
+  Set(At(2, 4), request.add_waypoints());
+  v1::WatchPathResponse told;
+  *told.mutable_check() = test.Path({At(2, 4)});
+  const auto path = serving.watched_paths.Add("planner", request);
+  path->Note(told, serving.settings.clock().running);
+  const json before = PageSnapshot(serving, {});
+  ASSERT_FALSE(before["paths"][0]["why"].is_null());
+  meanwhile = [&] { test.Publish(EmptyCellScene()); };
+  readings = 1;  // the first is of the request for the newest scene
+  const json shown = PageSnapshot(serving, {});
+  EXPECT_EQ(shown["scene"]["id"], before["scene"]["id"]);
+  EXPECT_EQ(shown["paths"], before["paths"]);
+  EXPECT_NE(PageSnapshot(serving, {})["paths"][0]["why"], before["paths"][0]["why"])
+      << "a scene came meanwhile";
+}
+
+TEST_F(PageTest, OfManyWatchedPathsTheBlockedOnesAreShown) {
+  test.Publish(SceneWithBlock(2));
+  Serving& serving = test.server->serving();
+  std::vector<std::shared_ptr<WatchedPath>> paths;
+  for (const int a : {0, 0, 0, 0, 0, 0, 0, 0, 2}) {
+    v1::CheckPathRequest request;
+    Set(At(a, 4), request.add_waypoints());
+    v1::WatchPathResponse told;
+    *told.mutable_check() = test.Path({At(a, 4)});
+    paths.push_back(serving.watched_paths.Add("planner", request));
+    paths.back()->Note(told, serving.settings.clock().running);
+  }
+  const json now = SeenOn(*page);
+  EXPECT_EQ(now["path_count"], 9);
+  ASSERT_EQ(now["paths"].size(), 8u);
+  EXPECT_EQ(now["paths"][0]["state"], "occupied");
+  EXPECT_FALSE(now["paths"][0]["why"].is_null());
+  EXPECT_EQ(now["paths"][1]["state"], "free");
 }
 
 TEST_F(PageTest, ValidityEndsWithTheAnswerHoweverLongNotingAndShowingItTake) {

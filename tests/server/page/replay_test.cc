@@ -164,6 +164,48 @@ TEST(Replay, OtherCellsAndMissingFilesAreRefused) {
             absl::StatusCode::kNotFound);
 }
 
+TEST(Replay, AnotherGridOfTheSameCellIsRefused) {
+  RecordedServer cell;
+  cell.Scene(SceneWithBlock(2));
+  cell.Open();
+  TestDatabase other;
+  other.cell.mutable_grid_joints(0)->set_steps(6);
+  const auto database = NewDatabase(other);
+  EXPECT_EQ(database->cell().name(), cell.test.server->database()->cell().name());
+  const auto refused = Replay::Open(cell.recorder.path(), database, ServingSettings()).status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("another cell or grid"));
+}
+
+TEST(Replay, AMomentThatCannotBeShownHasItsPlaceAmongTheScenes) {
+  RecordedServer cell;
+  cell.Scene(EmptyCellScene());
+  cell.Scene(EmptyCellScene(), [](v1::Scene& scene) {
+    Set(Mask({8, 8}), scene.mutable_views(0)->mutable_scene());
+  });
+  const int64_t broken = cell.now();
+  cell.Scene(EmptyCellScene());
+  const json shown = cell.Open()->At(broken, {});
+  EXPECT_THAT(shown["error"].get<std::string>(), HasSubstr("8x8"));
+  EXPECT_EQ(shown["replay"],
+            json({{"time", broken}, {"previous", broken - 100}, {"next", broken + 100}}));
+}
+
+TEST(Replay, AMomentThatCannotBeReadHasItsPlaceAmongTheScenes) {
+  RecordedServer cell;
+  cell.Scene(EmptyCellScene());
+  cell.Scene(EmptyCellScene());
+  const int64_t lost = cell.now();
+  ASSERT_TRUE(cell.recorder.Flush().ok());  // what is read last stays in memory
+  cell.Scene(EmptyCellScene());
+  const auto replay = cell.Open();
+  std::filesystem::resize_file(cell.recorder.path(), 0);
+  const json shown = replay->At(lost, {});
+  EXPECT_THAT(shown["error"].get<std::string>(), HasSubstr(cell.recorder.path()));
+  EXPECT_EQ(shown["replay"],
+            json({{"time", lost}, {"previous", lost - 100}, {"next", lost + 100}}));
+}
+
 TEST(Replay, ThePageOnlyAnswersWhatWasKnown) {
   RecordedServer cell;
   cell.Scene(SceneWithBlock(2));

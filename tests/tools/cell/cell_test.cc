@@ -149,6 +149,32 @@ TEST(Cell, LongTimesAndWideStepsAreDoubted) {
               ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
 }
 
+TEST(Cell, ChecksThatAreSwitchedOffAreDoubtedInOneSentence) {
+  EXPECT_THAT(Doubts(*Load(std::string(kBareCell) +
+                           "server: {view_check: {least_gain: 0.1, most_shift: 5 px}}\n")),
+              ElementsAre());
+  EXPECT_THAT(
+      Doubts(*Load(std::string(kBareCell) +
+                   "server: {view_check: {least_gain: 0, greatest_gain: 100, most_saturated: 1, "
+                   "least_structure: 0, most_shift: 1000 px, most_foreground: 1, "
+                   "most_robot_missing: 1}, live: {least_noise: 0, least_change: 0}}\n")),
+      ElementsAre(HasSubstr(
+          "server: 'view_check: least_gain', 'view_check: greatest_gain', 'view_check: "
+          "most_saturated', 'view_check: least_structure', 'view_check: most_shift', 'view_check: "
+          "most_foreground', 'view_check: most_robot_missing', 'live: least_noise', 'live: "
+          "least_change': these values switch checks off")));
+}
+
+TEST(Cell, MasksThatMissWhatCoversLittleAreRefusedWhereMuchRestsOnThemAndElseDoubted) {
+  const std::string half = "segmentation: {min_cover: 0.5}\n";
+  EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + half)),
+              ElementsAre(HasSubstr("min_cover: 0.5: what covers less of a mask pixel is missed")));
+  const std::string refused = "min_cover must be 0 with the section 'sound' and with drawn";
+  EXPECT_THAT(MessageOf(TwoJoints("", "max_move: 0.3", half + "sound: {least_obstacle: 0.15}\n")),
+              HasSubstr(refused));
+  EXPECT_THAT(MessageOf(TwoJoints("  images: drawn\n", "max_move: 0.3", half)), HasSubstr(refused));
+}
+
 TEST(Cell, StepsWiderThanTheLeastObstacleAreDoubtedWhereRobotImagesAreCaptured) {
   const auto doubts = [](const std::string& images, const std::string& least) {
     return Doubts(*Load(TwoJoints(images, "max_move: 0.2",

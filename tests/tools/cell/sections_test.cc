@@ -97,6 +97,9 @@ TEST(Cell, ClientsHaveLimits) {
   EXPECT_EQ(Load(with("request_memory: 300 MB"))->server.limits.request_memory, 300'000'000u);
   EXPECT_THAT(MessageOf(with("request_memory: 1 MB")), HasSubstr("at least 256 MB is expected"));
   EXPECT_THAT(MessageOf(with("waiting: 0")), HasSubstr("at least 1 is expected"));
+  for (const std::string key : {"streams_per_client", "waiting_per_client"}) {
+    EXPECT_THAT(MessageOf(with(key + ": 2000000000")), HasSubstr("at most 1000000 is expected"));
+  }
   EXPECT_THAT(MessageOf(with("calls_per_second: 0")), HasSubstr("greater than 0"));
 }
 

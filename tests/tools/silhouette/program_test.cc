@@ -79,6 +79,7 @@ TEST_F(Silhouette, CheckTellsFreeAndOccupiedByExitCode) {
   }
   const Json answer = RunJson("check 0,0 0.6,0.2 --repeat 5", 1);
   EXPECT_EQ(answer["scene_id"], 1);
+  EXPECT_GT(answer["valid_for_s"], 0);
   EXPECT_EQ(answer["all_free"], false);
   EXPECT_EQ(answer["configurations"][0]["state"], "free");
   EXPECT_EQ(answer["configurations"][1]["state"], "occupied");
@@ -354,6 +355,13 @@ TEST_F(Silhouette, SceneWithADefectIsToldAndNotFree) {
       << "the robot's position was not told";
 }
 
+TEST_F(Silhouette, SceneIsPublishedWithTheVariantThatIsNamed) {
+  EXPECT_EQ(cell_.Publish(kNothing, kNothing, "--variant default").exit_code, 0);
+  const Ended unknown = cell_.Publish(kNothing, kNothing, "--variant gripper");
+  EXPECT_EQ(unknown.exit_code, 1);
+  EXPECT_THAT(unknown.out, HasSubstr("no variant 'gripper'"));
+}
+
 TEST_F(Silhouette, ObstacleMasksNeedNoRobotInThem) {
   WriteMask(cell_.shell().folder() / "wall.png", kWall);
   ASSERT_EQ(cell_
@@ -502,6 +510,26 @@ TEST_F(Silhouette, ServerThatIsGoneIsTheWorldsFailure) {
   }
 }
 
+TEST_F(Silhouette, PlanThatEndsWithAnErrorLeavesNoPathOfAnEarlierPlan) {
+  PublishWall();
+  ASSERT_EQ(cell_.Run("plan 0,0 0,1 --out path.json").exit_code, 0);
+  ASSERT_EQ(cell_.Run("path --file path.json").exit_code, 0);
+  cell_.StopServer();
+  EXPECT_EQ(cell_.Run("plan 0,0 0,1 --out path.json").exit_code, 3);
+  const Json path = Json::parse(ContentOf(cell_.shell().folder() / "path.json"));
+  EXPECT_EQ(path["waypoints"], Json::array());
+  EXPECT_THAT(std::string(path["outcome"]), HasSubstr("ended with an error"));
+  const Ended unwritten = cell_.Run("plan 0,0 0,1 --out none/path.json");
+  EXPECT_EQ(unwritten.exit_code, 2);
+  EXPECT_THAT(unwritten.err, HasSubstr("none/path.json"));
+}
+
+TEST_F(Silhouette, PlanKeepsItsPathWhenThePictureCannotBeWritten) {
+  PublishWall();
+  EXPECT_EQ(cell_.Run("plan 0,0 0,1 --out path.json --picture none/space.png").exit_code, 2);
+  EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 0);
+}
+
 // A whole configuration space of one joint, all free.
 v1::GetConfigurationSpaceResponse FreeLine() {
   v1::GetConfigurationSpaceResponse part;
@@ -565,8 +593,9 @@ TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
 
 TEST(SilhouetteProgram, HelpShowsAnExampleForEverySubcommand) {
   const Shell shell;
-  for (const char* command :
-       {"", "check", "path", "space", "plan", "explain", "scene publish", "scene show"}) {
+  for (const char* command : {"", "check", "path", "space", "watch", "scene", "scene publish",
+                              "scene show", "scene live", "scene variant", "region", "region allow",
+                              "region revoke", "region list", "explain", "replay", "plan"}) {
     const Ended help = shell.Run(ProgramFolder() + "/silhouette " + command + " --help");
     EXPECT_EQ(help.exit_code, 0) << command;
     EXPECT_THAT(help.out, HasSubstr("Example:\n  silhouette ")) << command;

@@ -78,6 +78,7 @@ class Process {
   }
   // Sends the signal and waits for the end; -1: it did not exit by itself.
   int End(int signal) {
+    if (pid_ <= 0) return -1;
     int status = 0;
     kill(pid_, signal);
     waitpid(pid_, &status, 0);

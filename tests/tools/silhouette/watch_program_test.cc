@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <future>
 #include <map>
 #include <memory>
@@ -122,20 +123,20 @@ TEST_F(SilhouetteWatch, SaysWhenTheSceneBecomesTooOld) {
                                                      "older than max_age")));
 }
 
-TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
-  FakeServer server;
-  const auto set = [](v1::Basis& basis) {
+// Its paths are free, and valid for so many seconds; no second update follows.
+void AnswerPaths(FakeServer& server, int valid_for) {
+  const auto set = [valid_for](v1::Basis& basis) {
     basis.set_scene_id(3);
     basis.mutable_scene_age()->set_seconds(1);
-    basis.mutable_valid_for();  // no time at all
+    basis.mutable_valid_for()->set_seconds(valid_for);
     *basis.mutable_server_clock() =
         client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
   };
-  server.check_configurations = [&](auto&, const auto&, auto& response) {
+  server.check_configurations = [set](auto&, const auto&, auto& response) {
     set(*response.mutable_basis());
     return grpc::Status::OK;
   };
-  server.watch_path = [&](auto& context, const auto&, auto& writer) {
+  server.watch_path = [set](auto& context, const auto&, auto& writer) {
     v1::WatchPathResponse update;
     v1::CheckPathResponse& check = *update.mutable_check();
     set(*check.mutable_basis());
@@ -146,6 +147,22 @@ TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
     while (!context.IsCancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     return grpc::Status::OK;
   };
+}
+
+TEST_F(SilhouetteWatch, PathIsUnknownOnceItsLastUpdateExpires) {
+  FakeServer server;
+  AnswerPaths(server, /*valid_for=*/5);
+  const auto watch = Start("--server " + server.address + " watch 0,0 1,0", "watch.txt");
+  EXPECT_TRUE(HasLines("watch.txt", 2));
+  watch->Stop();
+  EXPECT_THAT(
+      ContentOf(cell_.shell().folder() / "watch.txt"),
+      ContainsRegex("free[^\n]*\n[^\n]*: unknown: the last update of the server has expired"));
+}
+
+TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
+  FakeServer server;
+  AnswerPaths(server, /*valid_for=*/0);
   const auto run = [&](const std::string& format) {
     const Ended ended =
         cell_.Run("--server " + server.address + " watch 0,0 1,0 --separation --count 1" + format);
@@ -210,6 +227,36 @@ TEST_F(SilhouetteWatch, StreamedChecksThatASignalEndsAreStoppedAndNotAllFree) {
   close(asked);
 }
 
+TEST_F(SilhouetteWatch, StreamedChecksEndWithCtrlCWhileAnAnswerIsOutstanding) {
+  FakeServer server;
+  server.check_configurations = [](auto&, const auto&, auto& response) {
+    *response.mutable_basis()->mutable_server_clock() =
+        client::ToMessage(absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()));
+    return grpc::Status::OK;
+  };
+  std::promise<void> asked;
+  std::atomic<bool> over = false;
+  server.stream_checks = [&](auto& context, auto& stream) {
+    v1::StreamChecksRequest question;
+    if (stream.Read(&question)) asked.set_value();
+    while (!over && !context.IsCancelled()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return grpc::Status::OK;
+  };
+  const std::filesystem::path questions = cell_.shell().folder() / "questions.txt";
+  WriteFile(questions, "0,0\n");
+  const auto check =
+      Start("--server " + server.address + " check --stream <" + questions.string(), "checks.txt");
+  ASSERT_EQ(asked.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready)
+      << ContentOf(cell_.shell().folder() / "checks.txt");
+  std::future<int> code = std::async(std::launch::async, [&] { return check->End(SIGINT); });
+  EXPECT_EQ(code.wait_for(std::chrono::seconds(5)), std::future_status::ready);
+  over = true;
+  EXPECT_EQ(code.get(), 130);
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "checks.txt"), IsEmpty());
+}
+
 TEST_F(SilhouetteWatch, PlanThatCtrlCEndsHasAnExitCodeOfItsOwn) {
   FakeServer server;
   const auto basis = [](v1::Basis& of) {
@@ -246,9 +293,13 @@ TEST_F(SilhouetteWatch, PlanThatCtrlCEndsHasAnExitCodeOfItsOwn) {
     response.mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
     return grpc::Status::OK;
   };
-  const auto plan = Start("--server " + server.address + " plan 0 1", "plan.txt");
+  const std::filesystem::path path = cell_.shell().folder() / "path.json";
+  WriteFile(path, R"({"waypoints": [[0]]})");
+  const auto plan =
+      Start("--server " + server.address + " plan 0 1 --out " + path.string(), "plan.txt");
   ASSERT_EQ(searches.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready)
       << ContentOf(cell_.shell().folder() / "plan.txt");
+  EXPECT_EQ(Json::parse(ContentOf(path))["waypoints"], Json::array()) << "as a kill leaves it";
   std::future<int> code = std::async(std::launch::async, [&] { return plan->End(SIGINT); });
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   stopped.set_value();

@@ -25,6 +25,12 @@ std::string Quoted(const std::vector<std::string>& names) {
   return absl::StrCat("'", absl::StrJoin(names, "', '"), "'");
 }
 
+// 0 if it is over.
+double SecondsUntil(client::RunningClock::time_point then) {
+  const std::chrono::duration<double> left = then - client::RunningClock::now();
+  return std::max(0.0, left.count());
+}
+
 // "3.61 px"
 std::string SpokenClearance(double pixels) {
   return std::isinf(pixels) ? "without limit" : absl::StrFormat("%.3g px", pixels);
@@ -130,7 +136,7 @@ void WriteCsv(const client::ConfigurationSpace& space, std::ostream& out) {
   }
 }
 
-// One line per configuration, without the whole of it in memory.
+// One line per configuration.
 void WriteJson(const client::ConfigurationSpace& space, std::ostream& out) {
   const ConfigurationGrid& grid = space.grid();
   Json head = silhouette::JsonOf(space.basis());
@@ -242,8 +248,9 @@ std::string SpokenProof(const client::PathCheck& check) {
   }
 }
 
+// If it lets the robot move and has expired, one that says that the robot must stop.
 client::Separation HeldNow(const client::Separation& separation) {
-  if (!HasExpired(separation)) return separation;
+  if (separation.ValidNow() || !separation.lets_move()) return separation;
   return {.unknown_reason = client::Reason::kAnswerLate};
 }
 
@@ -282,10 +289,6 @@ Json JsonOf(const client::Separation& answer) {
 }
 
 }  // namespace
-
-bool HasExpired(const client::Separation& separation) {
-  return !separation.ValidNow() && (separation.level > 0 || separation.leads_away);
-}
 
 std::string Spoken(const client::PathCheck& check) {
   if (check.verdict.free()) {
@@ -330,6 +333,7 @@ Json JsonOf(const client::Basis& basis) {
   return {{"scene_id", scene ? Json(basis.scene_id) : Json()},
           {"scene_time", scene ? Json(Exact(basis.scene_time)) : Json()},
           {"scene_age_s", scene ? Json(absl::ToDoubleSeconds(basis.Age())) : Json()},
+          {"valid_for_s", SecondsUntil(basis.valid_until)},
           {"database_generation", basis.database_generation},
           {"variant", basis.variant},
           {"scene_variant", basis.scene_variant.empty() ? Json() : Json(basis.scene_variant)},
@@ -539,11 +543,6 @@ std::string Spoken(const Configuration& configuration) {
   return absl::StrJoin(configuration, ",", [](std::string* out, double value) {
     absl::StrAppendFormat(out, "%.6g", value);
   });
-}
-
-double SecondsUntil(client::RunningClock::time_point then) {
-  const std::chrono::duration<double> left = then - client::RunningClock::now();
-  return std::max(0.0, left.count());
 }
 
 }  // namespace silhouette

@@ -29,16 +29,13 @@ std::string Spoken(const client::Basis& basis);
 // "free: 41 places checked", "not free at 0.1,0.2, 40 % on the way from waypoint 1: occupied".
 std::string Spoken(const client::PathCheck& check);
 
-// Whether it lets the robot move, and is too old to be gone by. Answers then say that the robot
-// must stop.
-bool HasExpired(const client::Separation& separation);
-
 // {"state", "reason" (null if not unknown), "hidden_possible", "regions", "views": [...]}; with
 // "clearance" (null if unknown) after the reason, and in each view the "distance", if it was asked
 // for.
 Json JsonOf(const client::Verdict& verdict, client::Clearance clearance = client::Clearance::kOmit);
-// {"scene_id", "scene_time", "scene_age_s", "database_generation", "scene_regions",
-// "unverified_model"}; null where there is no scene.
+// {"scene_id", "scene_time", "scene_age_s", "valid_for_s", "database_generation", "variant",
+// "scene_variant", "scene_regions", "unverified_model", "defects": [{"reason", "message"}]}; null
+// where there is no scene, or its variant is unknown. "valid_for_s" counts from now on.
 Json JsonOf(const client::Basis& basis);
 
 // The basis, the verdict, "checked", where it is not free, or narrowest; "proof" if it is free, and
@@ -76,8 +73,5 @@ std::string Spoken(const Configuration& configuration);
 // RFC 3339 in UTC: to the millisecond for people, and as it is for scripts and `replay --at`.
 std::string Spoken(absl::Time time);
 std::string Exact(absl::Time time);
-
-// 0 if it is over.
-double SecondsUntil(client::RunningClock::time_point then);
 
 }  // namespace silhouette

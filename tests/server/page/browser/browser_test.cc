@@ -282,6 +282,40 @@ TEST_F(BrowserTest, ARegionEndsTooLateRatherThanTooEarly) {
               StartsWith("ends in "));
 }
 
+TEST_F(BrowserTest, TheHeaderNamesARegionInForceThatHidesNothing) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  test.Allow("part", 4, absl::Seconds(60));
+  EXPECT_TRUE(Shows("#regions", std::string("part")));
+}
+
+TEST_F(BrowserTest, LatencyIsThatOfTheScenesOfTheLastMinute) {
+  ASSERT_TRUE(Shows("#status", std::string("Not serving: no scene")));
+  EXPECT_EQ(browser->Run(R"(
+          const figures = (count) => ({ count, within: [0, count] });
+          const bars = (...counts) => {
+            const seen = counts.map(([scene, map]) => ({ to_scene: figures(scene), to_map: figures(map) }));
+            samples.splice(0, samples.length, ...seen.map((latency) => ({ second: local() - 10, share: null, latency })));
+            return latencyBars(seen.at(-1)).join();
+          };
+          const none = bars([7, 7], [7, 7]);
+          const first_map = bars([90, 0], [95, 4]);
+          const server_began_again = bars([9, 9], [2, 2]);
+          return [none, first_map, server_began_again].join('; ');)"),
+            "0,0,0; 0,4,0; 0,2,0");
+}
+
+TEST_F(BrowserTest, WhereTheWholeSpaceIsNeverCountedTheHistorySaysSo) {
+  ASSERT_TRUE(Shows("#status", std::string("Not serving: no scene")));
+  EXPECT_THAT(browser->Text("#history-note"), HasSubstr("Striped: unknown"));
+  EXPECT_THAT(browser
+                  ->Run(R"(
+                      snapshot = { ...snapshot, space: { ...snapshot.space, counted: false } };
+                      drawHistory();
+                      return `${$('history').hidden}: ${$('history-note').textContent}`;)")
+                  .get<std::string>(),
+              StartsWith("true: Not measured: "));
+}
+
 TEST_F(BrowserTest, EventsThatPileUpAreDrawnOnce) {
   ASSERT_TRUE(Shows("#status", std::string("Not serving: no scene")));
   EXPECT_EQ(browser->Run(R"(
@@ -468,6 +502,7 @@ TEST_F(BrowserRegions, ARegionCountsDownAndIsRevoked) {
 }
 
 TEST_F(BrowserRegions, TheKeyboardDrawsARegion) {
+  EXPECT_EQ(browser->Run("return document.querySelectorAll('canvas.region[tabindex]').length;"), 3);
   const std::string right = "\uE014";
   const std::string down = "\uE015";
   browser->Run("document.querySelector('figure[data-view=top] canvas.region').focus();");
@@ -494,8 +529,7 @@ TEST_F(BrowserTest, WithoutARoleNoRegionCanBeDrawn) {
   const Scenes scenes(test, SceneWithBlock(2));
   ASSERT_TRUE(Shows("#region-list", HasSubstr("read-only")));
   EXPECT_EQ(browser->Run("return $('region-tools').hidden;"), true);
-  EXPECT_EQ(browser->Run("return document.querySelectorAll('[tabindex] canvas.region').length;"),
-            0);
+  EXPECT_EQ(browser->Run("return document.querySelectorAll('canvas.region[tabindex]').length;"), 0);
   test.Allow("part", 2, absl::Seconds(10));
   EXPECT_TRUE(Shows("#region-list .left", StartsWith("ends in 0:")));
   EXPECT_EQ(browser->Run("return document.querySelectorAll('#region-list button').length;"), 0);
@@ -571,6 +605,26 @@ TEST_F(RecordingInBrowser, ArrowKeysGoFromSceneToScene) {
   EXPECT_TRUE(Shows("#scene", std::string("3")));
   Press("ArrowLeft");
   EXPECT_TRUE(Shows("#scene", std::string("2")));
+}
+
+TEST_F(RecordingInBrowser, ArrowKeysPassAMomentThatCannotBeShown) {
+  RecordedServer other;
+  other.Scene(EmptyCellScene());
+  other.Scene(EmptyCellScene(), [](v1::Scene& scene) {
+    Set(Mask({8, 8}), scene.mutable_views(0)->mutable_scene());
+  });
+  other.Scene(EmptyCellScene());
+  const auto broken = other.Open();
+  const auto shown = *CellPage::Start("127.0.0.1:0", /*insecure=*/false, *broken);
+  browser->Open("http://" + shown->address() + "/");
+  ASSERT_TRUE(Shows("#scene", std::string("1")));
+  Press("ArrowRight");
+  ASSERT_TRUE(Shows("#status", StartsWith("Unknown: ")));
+  EXPECT_EQ(Map(), std::string(40, 'u'));
+  Press("ArrowRight");
+  EXPECT_TRUE(Shows("#status", std::string("Was serving")));
+  EXPECT_TRUE(Shows("#scene", std::string("3")));
+  browser->Open("about:blank");
 }
 
 TEST_F(RecordingInBrowser, PlaysToItsEnd) {
