@@ -469,11 +469,12 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   CatchStopSignals();
   Checked checked;
   const absl::Status done = CheckViews(arguments.request, checked);
+  if (absl::IsCancelled(done) || ExitCodeOf(done) == kUserMistake) return done;
   for (CheckedView& view : checked.check.views) {
     if (!done.ok()) view.message = std::string(done.message());
   }
   if (!arguments.out.empty()) {
-    // A server may be reading the one that is there: it stays whole. After an error the earlier
+    // A server may be reading the one that is there: it stays whole. If a device failed the earlier
     // result does not stay in force.
     RETURN_IF_ERROR(WriteWholeFile(arguments.out, CheckFileText(checked.check)));
   }
@@ -533,8 +534,8 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   AddFormatOption(*command, a.format);
   command->footer(
       "Checks tags, the silhouette of the robot, or both; of both, the larger motion counts.\n"
-      "Exit code 1 if a camera moved by more than the limit, or could not be checked. After an "
-      "error\n--out states that no view was checked.\n"
+      "Exit code 1 if a camera moved by more than the limit, or could not be checked. If a "
+      "device\nfails, --out states that no view was checked.\n"
       "Without --live the result is as old as the oldest of the files of --corners and --images.\n"
       "Example:\n"
       "  silhouette-calibrate check --database cell.lmdb --corners now.csv --out check.json\n"
