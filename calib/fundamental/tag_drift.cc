@@ -218,7 +218,9 @@ ViewDrift DriftByTags(const std::string& view, const ViewSizes& sizes,
   if (repeated) {
     drift.message =
         "its corners are those of the calibration to the last digit: the images are not new. Take "
-        "new ones; if the camera repeats an old image, restart it";
+        "new ones; if the camera repeats an old image, restart it; if its source has no noise, "
+        "state "
+        "'noise: none' in the cell file and give --cell";
   } else if (!drift.checked) {
     drift.message = OddTagsText(drift.odd_tags);
   } else if (corners.size() < kFewCorners) {

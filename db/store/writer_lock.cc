@@ -36,12 +36,15 @@ absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
   const std::string what = absl::StrCat("database '", folder, "' cannot be written");
   const int file = open(WriterLockLockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0664);
   if (file < 0) return LmdbError(errno, what);
-  WriterLock lock(file);
   if (flock(file, LOCK_EX | LOCK_NB) != 0) {
-    if (errno != EWOULDBLOCK) return LmdbError(errno, what);
-    return absl::FailedPreconditionError(
-        absl::StrCat(what, ": ", Holder(file), " is writing to it; end that first"));
+    const absl::Status refused =
+        errno != EWOULDBLOCK ? LmdbError(errno, what)
+                             : absl::FailedPreconditionError(absl::StrCat(
+                                   what, ": ", Holder(file), " is writing to it; end that first"));
+    close(file);
+    return refused;
   }
+  WriterLock lock(file);  // which empties the file when it goes
   const std::string pid = absl::StrCat(getpid(), "\n");
   if (ftruncate(file, 0) != 0 || pwrite(file, pid.data(), pid.size(), 0) < 0) {
     return LmdbError(errno, what);

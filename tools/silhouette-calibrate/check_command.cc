@@ -68,6 +68,7 @@ struct CheckRequest {
 
 struct Checked {
   CalibrationCheck check;
+  bool looked = false;            // cameras were opened for it
   std::vector<ViewDrift> drifts;  // per view
   std::vector<ViewSizes> sizes;
 };
@@ -103,13 +104,14 @@ absl::Status AddTags(const DetectSettings& settings, BoardDetector& detector, co
 }
 
 // `last`: the last set of images.
-absl::StatusOr<std::vector<TagSighting>> LookForTags(const CheckRequest& request, const Cell& cell,
-                                                     CellCameras& cameras, ImageSet& last) {
-  ASSIGN_OR_RETURN(const auto settings, LoadDetectSettings(request.boards));
+absl::StatusOr<std::vector<TagSighting>> LookForTags(const CheckRequest& request,
+                                                     const DetectSettings& settings,
+                                                     const Cell& cell, CellCameras& cameras,
+                                                     ImageSet& last) {
   BoardDetector detector(settings.boards);
   std::vector<TagSighting> sightings;
   for (int i = 0; i < request.sets; ++i) {
-    if (StopRequested()) return absl::AbortedError("stopped; nothing is known of the cameras");
+    if (StopRequested()) return absl::CancelledError("stopped; nothing is known of the cameras");
     ASSIGN_OR_RETURN(last, GrabSet(cameras));
     RETURN_IF_ERROR(AddTags(settings, detector, cell, last, absl::StrCat(i), sightings));
   }
@@ -133,6 +135,26 @@ absl::StatusOr<std::vector<TagSighting>> ReadSightingsOf(const storage::v1::Cell
   return sightings;
 }
 
+// The cell file, if it is of the database.
+absl::StatusOr<Cell> CellFor(const CheckRequest& request,
+                             const storage::v1::CellDescription& cell) {
+  absl::StatusOr<Cell> file = LoadCell(request.cell, request.database);
+  if (!file.ok()) return file;
+  const std::vector<std::string> differences =
+      Differences(DescriptionOf(*file), "the cell file", cell, "the database");
+  if (differences.empty()) return file;
+  return FailedPrecondition("the database '", request.database, "' does not fit the cell file '",
+                            request.cell, "': ", absl::StrJoin(differences, "; "));
+}
+
+std::set<std::string> WithoutNoise(const Cell& cell) {
+  std::set<std::string> views;
+  for (const ViewSettings& view : cell.views) {
+    if (!view.has_noise) views.insert(view.name);
+  }
+  return views;
+}
+
 // From files; an empty name skips its check.
 absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
                                 const storage::v1::CellDescription& cell) {
@@ -140,6 +162,10 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
   if (!request.corners.empty()) {
     now.written = TimeOf(request.corners);
     ASSIGN_OR_RETURN(now.tags, ReadSightingsOf(cell, request.corners));
+    if (!request.cell.empty()) {
+      ASSIGN_OR_RETURN(const Cell file, CellFor(request, cell));
+      now.without_noise = WithoutNoise(file);
+    }
   }
   for (int i = 0; i < cell.views_size() && !request.images.empty(); ++i) {
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
@@ -150,8 +176,9 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
   return now;
 }
 
-// From the cell's cameras. Aborted if a stop was asked for; else the errors of files and cameras.
-absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell) {
+// From the cell's cameras; `looked` is set once they are opened. Cancelled if a stop was asked for;
+// else the errors of files and cameras.
+absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell, bool& looked) {
   std::optional<Configuration> parked;
   if (request.number) {
     if (!cell.grid.Contains(*request.number)) {
@@ -160,6 +187,11 @@ absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell) {
     }
     parked = cell.grid.At(*request.number);
   }
+  std::optional<DetectSettings> tags;
+  if (!request.boards.empty()) {
+    ASSIGN_OR_RETURN(tags, LoadDetectSettings(request.boards));
+  }
+  looked = true;
   auto rig = OpenCamerasOfCell(cell, false, parked);
   if (!rig.ok()) {
     return absl::Status(rig.status().code(),
@@ -168,14 +200,14 @@ absl::StatusOr<CellNow> LookNow(const CheckRequest& request, const Cell& cell) {
                                      "--corners of them)"));
   }
   CellNow now;
-  std::set<std::string> noisy;
-  for (const ViewSettings& view : cell.views) {
-    (view.has_noise ? noisy : now.without_noise).insert(view.name);
+  now.without_noise = WithoutNoise(cell);
+  ASSIGN_OR_RETURN(auto cameras, CamerasOfViews(cell, **rig));
+  ImageSet set;
+  if (now.without_noise.size() < cell.views.size()) {
+    ASSIGN_OR_RETURN(set, GrabSet(cameras));  // which a frozen camera repeats
   }
-  ASSIGN_OR_RETURN(auto cameras, CellCameras::Create(DescriptionOf(cell), **rig, noisy));
-  ASSIGN_OR_RETURN(ImageSet set, GrabSet(cameras));  // which a frozen camera repeats
-  if (!request.boards.empty()) {
-    ASSIGN_OR_RETURN(now.tags, LookForTags(request, cell, cameras, set));
+  if (tags) {
+    ASSIGN_OR_RETURN(now.tags, LookForTags(request, *tags, cell, cameras, set));
   } else {
     ASSIGN_OR_RETURN(set, GrabSet(cameras));
   }
@@ -262,23 +294,11 @@ absl::StatusOr<std::vector<ViewDrift>> ByTags(const CheckRequest& request,
   return drifts;
 }
 
-// The cell file, if it is of the database.
-absl::StatusOr<Cell> CellFor(const CheckRequest& request,
-                             const storage::v1::CellDescription& cell) {
-  absl::StatusOr<Cell> file = LoadCell(request.cell, request.database);
-  if (!file.ok()) return file;
-  const std::vector<std::string> differences =
-      Differences(DescriptionOf(*file), "the cell file", cell, "the database");
-  if (differences.empty()) return file;
-  return FailedPrecondition("the database '", request.database, "' does not fit the cell file '",
-                            request.cell, "': ", absl::StrJoin(differences, "; "));
-}
-
 absl::StatusOr<CellNow> NowOf(const CheckRequest& request,
-                              const storage::v1::CellDescription& description) {
+                              const storage::v1::CellDescription& description, bool& looked) {
   if (!request.live) return ReadNow(request, description);
   ASSIGN_OR_RETURN(const Cell cell, CellFor(request, description));
-  return LookNow(request, cell);
+  return LookNow(request, cell, looked);
 }
 
 absl::StatusOr<std::vector<ViewDrift>> BySilhouettes(const CheckRequest& request,
@@ -350,10 +370,10 @@ absl::Status CheckAsked(const CheckRequest& request) {
     return InvalidArgument(
         "--images needs --number, the configuration in which the robot is parked, and --cell");
   }
-  if (!request.live && request.images.empty() && (request.number || !request.cell.empty())) {
+  if (!request.live && request.images.empty() && request.number) {
     return InvalidArgument(
-        "--number and --cell compare the parked robot in --images or --live; give one of these, or "
-        "leave them out");
+        "--number compares the parked robot in --images or --live; give one of these, or leave it "
+        "out");
   }
   return absl::OkStatus();
 }
@@ -380,7 +400,7 @@ absl::Status CheckViews(const CheckRequest& request, Checked& checked) {
     checked.check.views.emplace_back().name = view.name();
   }
   ASSIGN_OR_RETURN(checked.sizes, SizesOf(cell));
-  ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell));
+  ASSIGN_OR_RETURN(const CellNow now, NowOf(request, cell, checked.looked));
   checked.check.time = std::min(checked.check.time, now.written);
   if (now.tags) {
     ASSIGN_OR_RETURN(checked.drifts, ByTags(request, *stored, cell, checked.sizes, now));
@@ -469,7 +489,7 @@ absl::StatusOr<ExitCode> CheckWork(const CheckArguments& arguments) {
   CatchStopSignals();
   Checked checked;
   const absl::Status done = CheckViews(arguments.request, checked);
-  if (absl::IsCancelled(done) || ExitCodeOf(done) == kUserMistake) return done;
+  if (absl::IsCancelled(done) || (!done.ok() && !checked.looked)) return done;
   for (CheckedView& view : checked.check.views) {
     if (!done.ok()) view.message = std::string(done.message());
   }
@@ -507,7 +527,9 @@ void AddCheckCommand(CLI::App& program, Run& run) {
   command->add_option("--number", a.request.number,
                       "The configuration in which the robot is parked, for --images or --live");
   auto* cell =
-      command->add_option("--cell", a.request.cell, "The cell file, for --images and --live");
+      command->add_option("--cell", a.request.cell,
+                          "The cell file, for --images and --live; with --corners it names\n"
+                          "views without noise, whose corners may be those of the calibration");
   auto* live = command
                    ->add_flag("--live", a.request.live,
                               "Take the images from the cell's cameras: for the tags of --boards, "

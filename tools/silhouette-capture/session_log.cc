@@ -70,7 +70,7 @@ namespace {
 // there is no terminal.
 std::string Ask(const std::string& question, const std::vector<std::string>& answers) {
   if (isatty(STDIN_FILENO) == 0 || isatty(STDERR_FILENO) == 0) return "";
-  const Operator person = OperatorAtTerminal();
+  const Operator person = OperatorAtTerminal(StopRequested);
   while (!StopRequested()) {
     const absl::StatusOr<std::string> answer = person.ask(
         absl::StrCat("\n", question, "  e  end the session; what was captured is stored\n",

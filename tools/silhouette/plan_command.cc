@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette plan
 #include <chrono>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -226,9 +227,11 @@ absl::StatusOr<ExitCode> PlanAndPrint(const Session& session, const PlanArgument
   return findings.found() ? kDone : kNo;
 }
 
-// However it ends, no path of an earlier plan is left in the file.
+// However it ends, no path of an earlier plan is left in the file. A pipe holds none.
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
-  if (!arguments.out.empty()) {
+  const bool is_file =
+      !std::filesystem::exists(arguments.out) || std::filesystem::is_regular_file(arguments.out);
+  if (!arguments.out.empty() && is_file) {
     const Json path = PathFileOf({}, "planning did not end, or ended with an error", {}, {});
     RETURN_IF_ERROR(WriteWholeFile(arguments.out, path.dump(2) + "\n"));
   }

@@ -163,7 +163,8 @@ absl::Status ManualRobot::Stop() {
 
 namespace {
 
-absl::StatusOr<std::string> Ask(const std::string& question) {
+absl::StatusOr<std::string> Ask(const std::string& question, const std::function<bool()>& stopped) {
+  const absl::Status ended = absl::CancelledError("stopped by the operator");
   // Of a terminal: what a pipe holds are answers. Flushing would stop a background job.
   if (tcgetpgrp(STDIN_FILENO) == getpgrp()) tcflush(STDIN_FILENO, TCIFLUSH);
   std::cerr << question << std::flush;
@@ -171,8 +172,11 @@ absl::StatusOr<std::string> Ask(const std::string& question) {
   while (true) {
     pollfd place{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
     // Unlike a read, it is not taken up again after a signal.
-    if (poll(&place, 1, -1) < 0) {
-      if (errno == EINTR) return absl::CancelledError("stopped by the operator");
+    const int ready = poll(&place, 1, stopped ? 100 : -1);
+    if (stopped && stopped()) return ended;
+    if (ready == 0) continue;
+    if (ready < 0) {
+      if (errno == EINTR) return ended;
       return absl::FailedPreconditionError("the operator cannot be asked: stdin cannot be read");
     }
     char letter = 0;
@@ -187,8 +191,10 @@ absl::StatusOr<std::string> Ask(const std::string& question) {
 
 }  // namespace
 
-Operator OperatorAtTerminal() {
-  return {.tell = [](const std::string& line) { std::cerr << line << std::endl; }, .ask = Ask};
+Operator OperatorAtTerminal(std::function<bool()> stopped) {
+  return {.tell = [](const std::string& line) { std::cerr << line << std::endl; },
+          .ask = [stopped = std::move(stopped)](
+                     const std::string& question) { return Ask(question, stopped); }};
 }
 
 }  // namespace silhouette

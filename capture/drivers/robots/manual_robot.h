@@ -72,8 +72,9 @@ class ManualRobot : public Robot {
 // The operator at the terminal that the program runs in.
 
 // Lines and questions go to stderr, answers come from stdin. What was typed at a terminal before a
-// question does not answer it. FailedPrecondition: stdin has ended; Cancelled: a signal came, such
-// as that of Ctrl-C where the program catches it.
-Operator OperatorAtTerminal();
+// question does not answer it. `stopped`: asked ten times a second; empty: never.
+// FailedPrecondition: stdin has ended; Cancelled: `stopped` is true, or a signal came, such as that
+// of Ctrl-C where the program catches it.
+Operator OperatorAtTerminal(std::function<bool()> stopped = nullptr);
 
 }  // namespace silhouette

@@ -213,7 +213,7 @@ void SimpleMessageLink::ReadMotion() {
       if (results_.size() > 64) results_.erase(results_.begin());
     }
     if (!lost.ok()) motion_ = FileDescriptor();
-    idle = answers_ == sent_ && status_ && status_->in_motion == TriState::kOff;
+    idle = answers_ == sent_ && !(status_ && status_->in_motion == TriState::kOn);
   }
   answered_.notify_all();
   // A controller may close it while nothing is asked of it; the next command makes a new one.

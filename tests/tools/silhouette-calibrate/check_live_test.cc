@@ -141,6 +141,14 @@ TEST_F(CheckLive, AFrozenCameraIsNotConfirmed) {
   EXPECT_EQ(stated.exit_code, 0) << stated.out << stated.err;
 }
 
+TEST_F(CheckLive, ACameraThatCannotBeOpenedNoLongerConfirmsTheCalibration) {
+  ASSERT_EQ(Check("--sets 2 --boards boards.yaml --out check.json").exit_code, 0);
+  const std::string cell = ContentOf(shell_.folder() / "cell.yaml");
+  Write("cell.yaml", absl::StrReplaceAll(cell, {{"source: sim,", "source: {folder: none},"}}));
+  EXPECT_NE(Check("--sets 2 --boards boards.yaml --out check.json").exit_code, 0);
+  EXPECT_FALSE(Json::parse(ContentOf(shell_.folder() / "check.json"))["holds"]);
+}
+
 TEST_F(CheckLive, WithoutAnyTagInSightNoLongerConfirmsTheCalibration) {
   const auto holds = [&] {
     return Json::parse(ContentOf(shell_.folder() / "check.json"))["holds"] == true;

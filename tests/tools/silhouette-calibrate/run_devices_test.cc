@@ -233,7 +233,7 @@ TEST_F(RunOnOwnDevices, ImagesDuringWhichTheRobotMovedAreNoFrame) {
       std::vector<double> elsewhere = kArmStart;
       elsewhere[2] += 0.05;
       EXPECT_TRUE(controller_->Move(elsewhere, absl::ZeroDuration()).ok());
-      absl::SleepFor(absl::Milliseconds(500));  // until it stands again
+      absl::SleepFor(absl::Seconds(3));  // until it stands again
     }
     return grpc::Status::OK;
   });
