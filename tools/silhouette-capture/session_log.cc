@@ -128,7 +128,8 @@ AfterAlarm RunObserver::AskAfterAlarm(const std::string& why) {
 bool RunObserver::AskWhetherRobotMayMove() {
   Say("the robot is back, and stands still until somebody says that it may move");
   const std::string answer =
-      Ask("The robot was lost, or a stop command did not reach it. See that nobody is with it: it\n"
+      Ask("The robot was lost, or a stop command did not reach it. Check that no person is near "
+          "it: it\n"
           "begins to move as soon as you answer.\n"
           "  g  go on\n",
           {"g"});

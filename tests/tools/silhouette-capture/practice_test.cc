@@ -149,7 +149,7 @@ TEST_F(Practice, LostRobotIsAskedForAtATerminal) {
   AtTerminal run(cell_.Arguments("run"));
   run.Type("g\ng\n");  // before it is asked for: no answer
   ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();
-  EXPECT_THAT(run.shown(), HasSubstr("See that nobody is with it"));
+  EXPECT_THAT(run.shown(), HasSubstr("Check that no person is near it"));
   const uint64_t before = cell_.Records();
   run.Type("yes\n");
   ASSERT_TRUE(run.Shows("g or e: ")) << run.shown();

@@ -123,7 +123,7 @@ TEST_F(SilhouetteWatch, SaysWhenTheSceneBecomesTooOld) {
                                                      "older than max_age")));
 }
 
-// Its paths are free, and valid for so many seconds; no second update follows.
+// Sends one update for a path: free. `valid_for`: seconds.
 void AnswerPaths(FakeServer& server, int valid_for) {
   const auto set = [valid_for](v1::Basis& basis) {
     basis.set_scene_id(3);
