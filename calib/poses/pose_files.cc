@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -111,10 +112,27 @@ void AppendRosPose(const nlohmann::json& json, std::vector<double>& values) {
   for (const char* key : {"x", "y", "z", "w"}) values.push_back(json.at("orientation").at(key));
 }
 
+// `twice`: a name that an object has twice, of which the last one alone is kept.
+nlohmann::ordered_json JsonOf(const std::string& text, std::optional<std::string>& twice) {
+  std::vector<std::set<std::string>> names;  // by object that is open
+  return nlohmann::ordered_json::parse(
+      text, [&](int, nlohmann::json::parse_event_t event, const nlohmann::ordered_json& read) {
+        using Event = nlohmann::json::parse_event_t;
+        if (event == Event::object_start) names.emplace_back();
+        if (event == Event::object_end) names.pop_back();
+        if (event != Event::key) return true;
+        const auto [name, added] = names.back().insert(read.get<std::string>());
+        if (!added) twice = *name;
+        return true;
+      });
+}
+
 absl::StatusOr<std::vector<PoseRow>> RowsOfJson(const std::string& text, const std::string& file,
                                                 const PoseNotation& notation) {
   try {
-    const nlohmann::ordered_json json = nlohmann::ordered_json::parse(text);
+    std::optional<std::string> twice;
+    const nlohmann::ordered_json json = JsonOf(text, twice);
+    if (twice) return InvalidArgument(file, ": '", *twice, "' is there twice; leave one");
     std::vector<PoseRow> rows;
     for (const auto& [key, value] : json.items()) {
       PoseRow row{.place = file, .frame = key, .values = {}};

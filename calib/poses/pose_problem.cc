@@ -17,8 +17,6 @@
 namespace silhouette {
 namespace {
 
-// No robot reaches as far, so that its positions must be in millimetres.
-
 absl::Status CheckRobotPoses(const PoseProblem& problem) {
   std::set<std::string> frames;
   for (const RobotPose& pose : problem.robot_poses) {

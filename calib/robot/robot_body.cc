@@ -5,8 +5,10 @@
 #include <cmath>
 #include <future>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
+#include <variant>
 
 #include "calib/robot/convex_hull.h"
 #include "calib/robot/triangle_mesh.h"
@@ -47,6 +49,14 @@ TriangleMesh MeshOf(const LinkGeometry& geometry) {
   return mesh;
 }
 
+// By how much a shape reaches beyond its mesh, the corners of which lie on it.
+double BulgeOf(const Shape& shape) {
+  const double flat = std::cos(std::numbers::pi / kCircleCorners);
+  if (const auto* round = std::get_if<CylinderShape>(&shape)) return round->radius * (1 - flat);
+  if (const auto* ball = std::get_if<SphereShape>(&shape)) return ball->radius * (1 - flat * flat);
+  return 0;
+}
+
 Eigen::AlignedBox3d BoxIn(const Eigen::Isometry3d& base_from_link, const Eigen::AlignedBox3d& box) {
   Eigen::AlignedBox3d result;
   for (int corner = 0; corner < 8; ++corner) {
@@ -85,7 +95,7 @@ double PosedBody::AtMost(const Eigen::Vector3d& point, size_t& hint) const {
 
 bool PosedBody::MayReach(const Eigen::Vector3d& point, double radius) const {
   return std::ranges::any_of(links_, [&](const Link& link) {
-    const double reach = radius + tolerance_ + link.payload_radius + link.movement;
+    const double reach = radius + link.tolerance + link.payload_radius + link.movement;
     if (link.payload_radius > 0 && (point - link.origin).norm() <= reach) return true;
     if (link.whole == nullptr || link.box.squaredExteriorDistance(point) > reach * reach) {
       return false;
@@ -98,7 +108,7 @@ bool PosedBody::MayMeet(const Eigen::Vector3d& centre, double room, double radiu
   constexpr int kHalvings = 4;  // to squares of a sixteenth of the ball
   const Ball ball{centre, room, radius};
   return std::ranges::any_of(links_, [&](const Link& link) {
-    const double reach = radius + room + tolerance_ + link.payload_radius + link.movement;
+    const double reach = radius + room + link.tolerance + link.payload_radius + link.movement;
     const bool near = link.payload_radius > 0 && (centre - link.origin).norm() <= reach;
     if (!near) {
       if (link.whole == nullptr || link.box.squaredExteriorDistance(centre) > reach * reach) {
@@ -132,7 +142,7 @@ bool PosedBody::MayMeetOn(const Link& link, const Ball& ball, const Eigen::Vecto
   // Every point of the ball's surface in question is no farther from this one than `slack`.
   const Eigen::Vector3d point = ball.centre + ball.radius * outwards;
   const double slack = ball.radius * spread + ball.room;
-  const double reach = slack + tolerance_ + link.payload_radius + link.movement;
+  const double reach = slack + link.tolerance + link.payload_radius + link.movement;
   const bool of_payload = link.payload_radius > 0 && (point - link.origin).norm() <= reach;
   const bool of_link = link.whole != nullptr &&
                        link.box.squaredExteriorDistance(point) <= reach * reach &&
@@ -199,13 +209,15 @@ RobotBody::Fields RobotBody::FieldsOf(const RobotLink& link, const Settings& set
   };
   std::vector<TriangleMesh> certain;
   std::vector<TriangleMesh> whole;
+  double bulge = 0;
   for (const LinkGeometry& geometry : link.body(settings.geometry)) {
+    bulge = std::max(bulge, BulgeOf(geometry.shape));
     const TriangleMesh mesh = MeshOf(geometry);
     const bool closed = IsClosed(mesh);
     if (closed) certain.push_back(mesh);
     whole.push_back(closed ? mesh : HullAround(mesh));
   }
-  Fields fields{.certain = field_of(certain), .whole = nullptr};
+  Fields fields{.certain = field_of(certain), .whole = nullptr, .bulge = bulge};
   fields.whole = certain.size() == whole.size() ? fields.certain : field_of(whole);
   return fields;
 }
@@ -334,6 +346,7 @@ void RobotBody::AddLinks(std::span<const double> positions, std::span<const doub
     link.movement = MovementOf(i, base_from_link, half_ranges);
     if (link.movement == 0 && !still) continue;
     link.motions = MotionsOf(i, base_from_link, half_ranges);
+    link.tolerance = settings_.tolerance + fields_[i].bulge;
     link.payload_radius = payload_radii_[i];
     link.origin = base_from_link[i].translation();
     link.link_from_base = base_from_link[i].inverse();

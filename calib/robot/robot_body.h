@@ -55,6 +55,7 @@ class PosedBody {
     // Null: nothing. A link may be a frame alone, which carries tool or payload.
     const DistanceField* certain = nullptr;
     const DistanceField* whole = nullptr;
+    double tolerance = 0;  // by how much the true link may reach beyond `whole`
     double payload_radius = 0;
     Eigen::Vector3d origin;  // in the base frame
     Eigen::Isometry3d link_from_base;
@@ -134,6 +135,7 @@ class RobotBody {
   struct Fields {
     std::shared_ptr<const DistanceField> certain;
     std::shared_ptr<const DistanceField> whole;
+    double bulge = 0;  // by how much round shapes reach beyond `whole`
   };
   static Fields FieldsOf(const RobotLink& link, const Settings& settings);
 

@@ -51,8 +51,9 @@ class PartPlanes {
     for (size_t view = 0; view < words_.size(); ++view) {
       if (!possible_pixels[view]) continue;
       const MaskSize size = possible_pixels[view]->size();
-      const Mask& ignored = space_.look(static_cast<int>(view)).ignored;
-      if (ignored.size() == size && Intersects(ignored.words(), words_[view])) continue;
+      const VoxelSpace::Look& look = space_.look(static_cast<int>(view));
+      if (beyond_[view] && look.leaves_unseen) continue;
+      if (look.ignored.size() == size && Intersects(look.ignored.words(), words_[view])) continue;
       part.planes[view] = Mask::FromWords(size, words_[view]) & *possible_pixels[view];
       if (beyond_[view]) part.planes[view] = *part.planes[view] | Rim(size);
     }

@@ -43,9 +43,9 @@ class PossibleSpace {
   static constexpr size_t kMostParts = 16;
   struct Part {
     // Per view the pixels in which the part is seen; nothing for a view without an image, and where
-    // the part is seen in ignored pixels (VoxelView), so that the robot always meets it. Where it
-    // reaches beyond the image, the image's rim is in the plane: a robot that meets it out there
-    // touches the rim, or is nowhere in the image.
+    // a voxel of it is in pixels that VoxelSpace::Look::Ignores, so that the robot always meets it.
+    // Where it reaches beyond the image, the image's rim is in the plane: a robot that meets it out
+    // there touches the rim, or is nowhere in the image.
     CollisionImages planes;
     std::vector<bool> beyond;  // per view, whether it reaches beyond the image
   };

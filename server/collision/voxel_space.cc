@@ -71,10 +71,13 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
     VoxelView& view = views[i];
     looks_[i].mask_size = view.mask_size;
     looks_[i].ignored = view.ignored;
-    if (view.ignored.size() == MaskSize{}) continue;
-    if (view.swept.size() != MaskSize{}) view.swept = view.swept | view.ignored;
-    view.permanent =
-        view.permanent.size() != MaskSize{} ? view.permanent | view.ignored : view.ignored;
+    if (view.ignored.Empty()) continue;
+    const bool swept_known = view.swept.size() != MaskSize{};
+    // A robot of one piece that is seen borders on the pixels that it is in unseen.
+    constexpr double kBeside = 1;  // pixels
+    looks_[i].leaves_unseen = MayReachBeyond(view.ignored.words(), view.mask_size) &&
+                              !(swept_known && (Grown(view.ignored, kBeside) & view.swept).Empty());
+    if (swept_known) view.swept = view.swept | view.ignored;
   }
   // A voxel that only touches the workspace from outside has no part in it.
   const Eigen::AlignedBox3d inner = WithRoom(workspace, -kTouching * grid_.edge());
@@ -141,7 +144,9 @@ void VoxelSpace::FindReached(std::span<const VoxelView> views,
     for (size_t view = 0; view < views.size(); ++view) {
       const PixelRectangle pixels = looks_[view].Rectangle(looks_[view].touched[place]);
       if (pixels.whole) seen_.Insert(x, y, z);
-      if (views[view].permanent.size() != MaskSize{} && AnySet(views[view].permanent, pixels)) {
+      const Mask& permanent = views[view].permanent;
+      if (looks_[view].Ignores(pixels) ||
+          (permanent.size() != MaskSize{} && AnySet(permanent, pixels))) {
         always_covered_[view].Insert(x, y, z);
       }
       const Mask& swept = views[view].swept;

@@ -40,7 +40,7 @@ struct VoxelView {
   // Pixels that the robot covers in each of them; of no size where none is known.
   Mask permanent{};
   // Pixels in which those images may lack the robot, such as behind a pillar before the camera; of
-  // no size where there are none. A robot counts as seen in them wherever it is.
+  // no size where there are none. Look::Ignores: a robot counts as seen in them wherever it is.
   Mask ignored{};
 };
 
@@ -79,8 +79,8 @@ inline bool AnyCommon(MaskWords a, MaskWords b, int image_width, const PixelRect
                  [&](size_t word, uint64_t bits) { return (a[word] & b[word] & bits) != 0; });
 }
 
-// Whether the robot in this image may reach beyond it. It is of one piece: it then touches the rim
-// of the image, or is nowhere in it.
+// Whether the robot, which is of one piece, may reach beyond this image, which shows all of it that
+// is there: it then touches the rim of the image, or is nowhere in it.
 inline bool MayReachBeyond(MaskWords robot, MaskSize size) {
   const auto any = [&](const PixelRectangle& pixels) {
     return AnyCommon(robot, robot, size.width, pixels);
@@ -125,7 +125,7 @@ class VoxelSpace {
   // The voxels that at least one view sees whole.
   const VoxelSet& seen() const { return seen_; }
 
-  // The voxels that touch a permanent pixel of the view.
+  // The voxels that touch a permanent pixel of the view, or pixels that Look::Ignores.
   const VoxelSet& always_covered(int view) const {
     return always_covered_[static_cast<size_t>(view)];
   }
@@ -168,9 +168,13 @@ class VoxelSpace {
     std::vector<PixelRectangle> block_touched;
     // VoxelView::ignored.
     Mask ignored;
+    // Whether the robot may leave the image through ignored pixels at its rim.
+    bool leaves_unseen = false;
 
-    // Whether the view may lack the robot in some of these pixels.
+    // Whether a robot counts as seen in these pixels wherever it is: the view may lack it in some
+    // of them, or it may leave the image there unseen.
     bool Ignores(const PixelRectangle& pixels) const {
+      if (!pixels.whole && leaves_unseen) return true;
       return ignored.size() == mask_size &&
              AnyCommon(ignored.words(), ignored.words(), mask_size.width, pixels);
     }

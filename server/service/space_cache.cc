@@ -15,6 +15,7 @@ Policy OnGrid(const Policy& policy, int views) {
   plain.min_views = MinViews(policy, views);
   if (policy.preset == Preset::kUncalibrated || policy.preset == Preset::kPaper) return plain;
   plain.preset = policy.preset;
+  if (IsSound(policy.preset)) plain.max_occluded_views = MaxOccludedViews(policy, views);
   return plain;
 }
 

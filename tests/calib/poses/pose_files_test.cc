@@ -112,6 +112,13 @@ TEST(RobotPoseFile, JsonAndOneFilePerFrameAreRead) {
   EXPECT_EQ(files.status().message(), "2.txt: a pose as 'matrix' is 16 or 12 numbers, not 2");
 }
 
+TEST(RobotPoseFile, AFrameThatIsTwiceInJsonIsRefused) {
+  const std::string pose = "[0.4, 0, 0, 0, 0, 0, 1]";
+  const std::string text = R"({"0007": )" + pose + R"(, "0008": )" + pose + R"(, "0007": )" + pose;
+  EXPECT_EQ(RobotPosesFromText(text + "}", "poses.json").status().message(),
+            "poses.json: '0007' is there twice; leave one");
+}
+
 TEST(RobotPoseFile, TablesAreReadAsPeopleWriteThem) {
   const RobotPose expected =
       OnlyPose("frame,tx,ty,tz,qx,qy,qz,qw\na,0.4,-0.1,0.6,0.6,0,0,0.8\n", "quaternion");

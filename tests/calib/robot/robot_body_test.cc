@@ -257,6 +257,27 @@ TEST_F(RobotBodyTest, MayReachAsFarAsItsPayload) {
   EXPECT_FALSE(laden.At(std::vector{0.0}).MayReach(beside_foot, 0)) << "the foot carries nothing";
 }
 
+TEST_F(RobotBodyTest, RoundShapesMayBeReachedAllOverTheirTrueSurface) {
+  const RobotModel robot = Read(R"(<robot name="round">
+    <link name="disc"><visual><geometry><cylinder radius="1" length="0.02"/></geometry></visual></link>
+    <link name="ball"><visual><geometry><sphere radius="0.5"/></geometry></visual></link>
+    <joint name="weld" type="fixed">
+      <parent link="disc"/><child link="ball"/><origin xyz="0 0 2"/>
+    </joint></robot>)");
+  const RobotBody body(robot, {.range = 0.02, .step = 0.02});
+  const PosedBody posed = body.At({});
+  Random random;
+  for (int i = 0; i < 3000; ++i) {
+    // In the middle of an edge of the polygon the circle is the farthest outside.
+    const double angle = (i % kCircleCorners + 0.5) * 2 * std::numbers::pi / kCircleCorners;
+    const Vector3d out(std::cos(angle), std::sin(angle), 0);
+    EXPECT_TRUE(posed.MayReach(out + Uniform(random, -0.01, 0.01) * Vector3d::UnitZ(), 1e-9));
+    EXPECT_TRUE(posed.MayReach(Vector3d(0, 0, 2) + 0.5 * RandomDirection(random), 1e-9));
+  }
+  EXPECT_FALSE(posed.MayReach({1.05, 0, 0}, 0.01));
+  EXPECT_FALSE(posed.MayReach({0, 0, 2.55}, 0.01));
+}
+
 TEST_F(RobotBodyTest, LinksThatStandStillHaveNotMoved) {
   const RobotBody body(robot_, {.range = kRange, .step = kStep});
   const PosedBody moved = body.At(std::vector{0.5}).MovedFrom(body.At(std::vector{0.0}));

@@ -242,6 +242,58 @@ TEST(PossibleSpace, AnswersForTestRobotsAsItsVoxelsDo) {
   EXPECT_GT(unmet, 3);
 }
 
+// A camera that looks along an axis, and shows `pixels` per metre of the other two.
+VoxelView LookingAlong(int axis, double pixels) {
+  return {.mask_size = {32, 32}, .project = [=](const Vector3d& point) -> std::optional<Vector2d> {
+            const Vector2d across(point[axis == 0 ? 1 : 0], point[axis == 2 ? 1 : 2]);
+            return Vector2d(pixels * across.array() + 15.5);
+          }};
+}
+
+// A bar along x pierces a ball that is beyond the first view's image and that the second one shows.
+TEST(PossibleSpace, RobotThatLeavesAViewThroughIgnoredPixelsMeetsWhatIsBeyondIt) {
+  const MaskSize size{32, 32};
+  const Mask pillar = Mask::FromPredicate(size, [](int x, int) { return x >= 29; });
+  // From x = 0 to 1.2; y and z between -0.1 and 0.1.
+  const std::vector<Mask> bar = {
+      Mask::FromPredicate(size, [](int x, int y) { return x >= 16 && y >= 12 && y < 20; }) - pillar,
+      Mask::FromPredicate(size,
+                          [](int x, int y) { return x >= 16 && x < 26 && y >= 15 && y < 17; })};
+  std::vector<VoxelView> views = {LookingAlong(2, 32), LookingAlong(1, 8)};
+  for (size_t view = 0; view < 2; ++view) views[view].swept = bar[view];
+  views[0].ignored = pillar;
+  const VoxelSpace space({Vector3d(-1.5, -0.4, -0.4), Vector3d(1.5, 0.4, 0.4)}, 0.12, views, 0.04);
+  // Of a radius of 0.2 about (1, 0, 0).
+  const Mask ball = Mask::FromPredicate(size, [](int x, int y) {
+    return Vector2d(std::abs(x - 23.5) - 0.5, std::abs(y - 15.5) - 0.5).cwiseMax(0).norm() <= 1.6;
+  });
+  const ObstacleImages images = {ObstacleImage::FromScene(Mask(size), Mask(size)).Ignoring(pillar),
+                                 ObstacleImage::FromScene(ball, Mask(size))};
+  const PossibleSpace possible(space, images, nullptr);
+  EXPECT_GT(possible.remaining().Count(), 0);
+  const std::vector<MaskWords> robot = {bar[0].words(), bar[1].words()};
+  EXPECT_TRUE(possible.PlanesMeet(robot, 2));
+  EXPECT_TRUE(possible.VoxelsMeet(robot, 2));
+}
+
+TEST(PossibleSpace, RobotThatIsNeverSeenBesideIgnoredPixelsAtTheRimDoesNotLeaveTheImageThere) {
+  const MaskSize size{32, 32};
+  const auto leaves = [&](const Mask& ignored) {
+    std::vector<VoxelView> views = {LookingAlong(2, 32), LookingAlong(1, 8)};
+    const Mask middle = Mask::FromPredicate(
+        size, [](int x, int y) { return std::abs(x - 16) < 3 && std::abs(y - 16) < 3; });
+    for (VoxelView& view : views) view.swept = middle;
+    views[0].ignored = ignored;
+    const VoxelSpace space({Vector3d(-1.5, -0.4, -0.4), Vector3d(1.5, 0.4, 0.4)}, 0.12, views,
+                           0.04);
+    return space.look(0).leaves_unseen;
+  };
+  EXPECT_FALSE(leaves(Mask::FromPredicate(size, [](int x, int) { return x >= 20; })));
+  EXPECT_TRUE(leaves(Mask::FromPredicate(size, [](int x, int) { return x >= 19; })));
+  EXPECT_FALSE(
+      leaves(Mask::FromPredicate(size, [](int x, int y) { return x == 19 && y > 2 && y < 20; })));
+}
+
 TEST(PossibleSpace, RefusesWhatDoesNotFit) {
   const VoxelSpace space = SomeSpace();
   std::mt19937_64 random(1);

@@ -84,6 +84,18 @@ TEST(SoundTest, NeverMissesBehindIgnoredPixels) {
   NeverMisses(SphereWorld(std::move(cameras), kSoundRho, kVoxel, 0, std::move(pillars)), 12);
 }
 
+// Nor do they show where it leaves the image there.
+TEST(SoundTest, NeverMissesWhatIsBeyondIgnoredPixelsAtTheRim) {
+  std::vector<BallCamera> cameras = CamerasThatDoNotSeeAll();
+  std::vector<Mask> pillars;
+  for (const BallCamera& camera : cameras) {
+    const MaskSize size = camera.size();
+    pillars.push_back(
+        Mask::FromPredicate(size, [size](int x, int) { return x < 4 || x >= size.width - 4; }));
+  }
+  NeverMisses(SphereWorld(std::move(cameras), kSoundRho, kVoxel, 0, std::move(pillars)), 12);
+}
+
 // The scene is of one variant, the check of another: of an arm that carries something,
 // or does not. What it carries is not in the model.
 TEST(SoundTest, NeverMissesWithAnotherVariantThanTheScenes) {

@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/server/scene/drawn_scene.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -75,6 +76,16 @@ TEST_F(ClearanceCacheTest, ManyThreadsSeeTheSameTiles) {
       });
     }
   }
+}
+
+using SpaceCacheTest = DrawnSoundTest;
+
+TEST_F(SpaceCacheTest, SoundMapsAreSharedOnlyIfAsManyViewsMayBeOccluded) {
+  const Served served = ServedScene(InputOf(Any(), {}));
+  SpaceCache spaces;
+  const auto map = spaces.Get(served, {.preset = Preset::kSound});
+  EXPECT_EQ(spaces.Get(served, {.preset = Preset::kSound, .max_occluded_views = 1}), map);
+  EXPECT_NE(spaces.Get(served, {.preset = Preset::kSound, .max_occluded_views = 2}), map);
 }
 
 }  // namespace
