@@ -77,6 +77,11 @@ std::optional<KeptLevels> LevelsKept(
   return kept;
 }
 
+SeparationMeter::SeparationMeter(const DrawnRobot& robot, const SpaceDistances& space)
+    : robot_(robot), space_(space) {
+  for (const RobotPart& part : robot.parts()) bodies_.emplace_back(part.points, part.radius);
+}
+
 void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
   const size_t joints = waypoints.front().size();
   std::vector<bool> changes(joints, waypoints.size() == 1);
@@ -94,29 +99,20 @@ void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
 }
 
 double SeparationMeter::At(std::span<const double> q, double at_most) {
-  const PartBalls& balls = robot_.balls();
   robot_.chain().Pose(q, poses_);
-  balls.Place(poses_, {}, placed_);
-  bounds_.clear();
-  for (size_t ball = 0; ball < balls.balls(); ++ball) {
-    if (!moves_[balls.part(ball)]) continue;
-    const Eigen::Vector3d centre(placed_.x[ball], placed_.y[ball], placed_.z[ball]);
-    const double radius = double{balls.radius(ball)} + placed_.growth[ball] + placed_.slack;
-    bounds_.push_back({space_.AtLeast(centre) - radius, radius, centre});
-  }
-  // The least bounds first: no ball whose bound is above the least distance has a lesser one.
-  const auto later = [](const Bound& a, const Bound& b) { return a.at_least > b.at_least; };
-  std::ranges::make_heap(bounds_, later);
   double least = at_most;
-  while (!bounds_.empty() && bounds_.front().at_least < least) {
-    const Bound& nearest = bounds_.front();
-    least =
-        std::min(least, space_.Distance(nearest.centre, least + nearest.radius) - nearest.radius);
-    if (least <= 0) return 0;
-    std::ranges::pop_heap(bounds_, later);
-    bounds_.pop_back();
+  const size_t first = nearest_;
+  for (size_t i = 0; i < bodies_.size() && least > 0; ++i) {
+    // Its distance is soon less than that of most others.
+    const size_t part = i == 0 ? first : (i <= first ? i - 1 : i);
+    if (!moves_[part]) continue;
+    bodies_[part].Place(poses_[robot_.parts()[part].moves_with]);
+    const double distance = space_.Distance(bodies_[part], least);
+    if (distance >= least) continue;
+    least = distance;
+    nearest_ = part;
   }
-  return least;
+  return std::max(0.0, least);
 }
 
 std::optional<PathDistance> SeparationMeter::Along(std::span<const Configuration> waypoints,

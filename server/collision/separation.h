@@ -16,6 +16,7 @@
 
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/mask/configuration_grid.h"
+#include "server/collision/convex_body.h"
 #include "server/collision/space_distances.h"
 #include "server/collision/stop.h"
 
@@ -99,14 +100,13 @@ std::optional<KeptLevels> LevelsKept(
     std::span<const double> distances,
     const std::function<std::optional<PathDistance>(size_t level)>& along);
 
-// How far the robot, a body of balls about its parts, is from what may hold somebody. A body that
-// is too large makes distances too small. Only parts that move are counted: on a path those that it
-// moves, at a single configuration those that a joint can move. Refers to both, which must outlive
-// it. To be used by one thread.
+// How far the robot's parts are from what may hold somebody. Parts that are too large make
+// distances too small. Only parts that move are counted: on a path those that it moves, at a single
+// configuration those that a joint can move. Refers to both, which must outlive it. To be used by
+// one thread.
 class SeparationMeter {
  public:
-  SeparationMeter(const DrawnRobot& robot, const SpaceDistances& space)
-      : robot_(robot), space_(space) {}
+  SeparationMeter(const DrawnRobot& robot, const SpaceDistances& space);
 
   // Along straight lines between waypoints, of which there is at least one, until the robot's
   // fastest point has moved `horizon` metres on them, and up to kStep on; nothing: all. From one
@@ -125,18 +125,12 @@ class SeparationMeter {
 
   const DrawnRobot& robot_;
   const SpaceDistances& space_;
-  // How far a ball is from what may hold somebody, by the map of distances.
-  struct Bound {
-    double at_least = 0;
-    double radius = 0;
-    Eigen::Vector3d centre;
-  };
 
+  std::vector<ConvexBody> bodies_;  // by part
+  size_t nearest_ = 0;              // the part that was nearest at the last place
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<Eigen::Isometry3d> before_;  // poses at the last place
-  PlacedBalls placed_;
-  std::vector<Bound> bounds_;
-  std::vector<bool> moves_;  // by part
+  std::vector<bool> moves_;                // by part
 };
 
 }  // namespace silhouette

@@ -1,11 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// SpaceDistances: how far points are from sets of voxels.
+// SpaceDistances: how far a convex body is from sets of voxels.
 //
-// A bound is one look-up in a map of distances; the exact distance is measured to the boxes of the
-// voxels. Cannot be changed once made; used by any number of threads. Two bytes a voxel of the map.
-//
-// `asked` is where distances will be asked for most: the map covers it, and beyond it bounds are as
-// much less as the point is away from it.
+// Cannot be changed once made; used by any number of threads.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -13,14 +9,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <vector>
 
+#include "server/collision/convex_body.h"
 #include "server/collision/voxel_grid.h"
 
 namespace silhouette {
 
-// A set of voxels and its grid, which must outlive it.
+// A set of voxels and its grid.
 struct VoxelsOfGrid {
   const VoxelSet& set;
   const VoxelGrid& grid;
@@ -28,25 +24,18 @@ struct VoxelsOfGrid {
 
 class SpaceDistances {
  public:
-  // From the voxels of all sets, and from all that is beyond `known`, if it is stated. The map has
-  // voxels of the grid of the first set, those that have a part of `asked`; nothing: all. Distances
+  // From the voxels of all sets, and from all that is beyond `known`, if it is stated. Distances
   // above `range`, metres, are taken for it. Throws std::invalid_argument if there is no set, one
-  // is not of its grid, `asked` and the grid have nothing in common, or the range is not positive
-  // or more than 127 edges of a voxel of the map.
+  // is not of its grid, or the range is not positive.
   SpaceDistances(const std::vector<VoxelsOfGrid>& sets, double range,
-                 const std::optional<Eigen::AlignedBox3d>& known = std::nullopt,
-                 const std::optional<Eigen::AlignedBox3d>& asked = std::nullopt);
+                 const std::optional<Eigen::AlignedBox3d>& known = std::nullopt);
 
   double range() const { return range_; }
 
-  // A lower bound of the distance, metres, from the point to any point of any voxel: that between
-  // the boxes of voxels of the map. 0 where the point is not in the grid, of which nothing is
-  // known.
-  double AtLeast(const Eigen::Vector3d& point) const;
-
-  // The distance, metres, from the point to the nearest point of any voxel, or `at_most` (no more
-  // than the range) if it is that far or farther. 0 where the point is not in the grid.
-  double Distance(const Eigen::Vector3d& point, double at_most) const;
+  // Metres, to the nearest point of any voxel, less than the true distance by up to
+  // ConvexBody::kPrecision; or `at_most` (no more than the range) if it is that far or farther.
+  // 0 if the centre of the body's ball is not in the first set's grid: of that nothing is known.
+  double Distance(const ConvexBody& body, double at_most) const;
 
  private:
   // Voxels of a block, of which there is at least one.
@@ -55,23 +44,32 @@ class SpaceDistances {
     double edge = 0;               // of a voxel
     Eigen::AlignedBox3d voxels{};  // holds those of the set
     std::array<uint8_t, size_t{VoxelGrid::kBlockEdge} * VoxelGrid::kBlockEdge> rows{};  // y fastest
+    // Voxels [first, last) of a row.
+    Eigen::AlignedBox3d Box(size_t row, int first, int last) const;
+  };
+  // Blocks [first, last), which are beside each other.
+  struct Group {
+    Eigen::AlignedBox3d voxels{};
+    size_t first = 0;
+    size_t last = 0;
   };
 
-  // From the point to all that is beyond what is known, at most the range.
-  double ToUnknown(const Eigen::Vector3d& point) const;
-  void AddBlocks(const VoxelsOfGrid& voxels);
-  void PlaceMap(const Eigen::AlignedBox3d& asked);
-  void FillMap(const VoxelSet& voxels);
-  // Lowers `square`, of a distance, to that from the point to the block's voxels.
-  static void Measure(const Block& block, const Eigen::Vector3d& point, double& square);
+  void AddGroup(const VoxelsOfGrid& voxels, const std::vector<bool>& with_voxels,
+                const Eigen::Vector3i& first);
+  // The block whose voxels begin nearest to the ball of the body, no farther than `at_most`; or
+  // null.
+  const Block* NearestBlock(const ConvexBody& body, double at_most) const;
+  // From the body to all that is beyond what is known, at most the range.
+  double ToUnknown(const ConvexBody& body) const;
+  // Lowers the distance to that from the body to the block's voxels.
+  static void Measure(const Block& block, const ConvexBody& body, ConvexBody::Plane& plane,
+                      double& distance);
 
-  VoxelGrid grid_;
+  Eigen::AlignedBox3d grid_;
   double range_;
   std::optional<Eigen::AlignedBox3d> known_;
-  Eigen::Vector3i first_ = Eigen::Vector3i::Zero();  // voxel of the map, and how many
-  Eigen::Vector3i size_ = Eigen::Vector3i::Zero();
-  std::vector<int16_t> squares_;  // by voxel of the map, x fastest: squares of edges
   std::vector<Block> blocks_;
+  std::vector<Group> groups_;
 };
 
 }  // namespace silhouette

@@ -152,9 +152,7 @@ SpaceDistances SeparationBasis::DistancesIn(const PossibleSpace& near, const Obs
   KeepOnly(people, counted_);
   VoxelSet close = near.remaining();
   if (unseen_is_empty_) KeepOnly(close, near.space().seen());
-  const VoxelGrid& close_grid = near.space().grid();
-  return SpaceDistances({{people, space_.grid()}, {close, close_grid}}, range_, known_,
-                        close_grid.box());
+  return SpaceDistances({{people, space_.grid()}, {close, near.space().grid()}}, range_, known_);
 }
 
 }  // namespace silhouette

@@ -3,6 +3,7 @@
 // of the RX130 to them.
 #include <benchmark/benchmark.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/robot/drawing/motion_check.h"
 #include "calib/robot/drawn_cell.h"
 #include "calib/robot/robot_model.h"
 #include "server/collision/separation.h"
@@ -22,8 +24,6 @@ using Eigen::Vector3d;
 
 constexpr double kZoneEdge = 0.04;
 constexpr double kZoneRange = 2;  // metres
-// Where the robot can be.
-const Eigen::AlignedBox3d kReach(Vector3d(-1, -1, 0), Vector3d(1, 1, 1.6));
 
 const VoxelGrid& Zone() {
   static const VoxelGrid grid({Vector3d(-2, -2, 0), Vector3d(2, 2, 2.2)}, kZoneEdge);
@@ -65,33 +65,69 @@ std::shared_ptr<const DrawnRobot> Rx130() {
 void BM_SeparationScene(benchmark::State& state) {
   const VoxelSet somebody = Somebody();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(SpaceDistances({{somebody, Zone()}}, kZoneRange, {}, kReach));
+    benchmark::DoNotOptimize(SpaceDistances({{somebody, Zone()}}, kZoneRange));
   }
   state.counters["voxels"] = static_cast<double>(Zone().voxels());
 }
 
-// A place of a path on which all joints move.
-void BM_SeparationPlace(benchmark::State& state) {
-  const std::shared_ptr<const DrawnRobot> robot = Rx130();
-  const VoxelSet somebody = Somebody();
-  const SpaceDistances space({{somebody, Zone()}}, kZoneRange, {}, kReach);
-  SeparationMeter meter(*robot, space);
+std::vector<Configuration> RandomPlaces(const DrawnRobot& robot) {
   std::mt19937_64 random(1);
   std::vector<Configuration> places(64);
   for (Configuration& q : places) {
-    for (const ChainJoint& joint : robot->chain().joints()) {
+    for (const ChainJoint& joint : robot.chain().joints()) {
       q.push_back(std::uniform_real_distribution<double>(joint.lower, joint.upper)(random));
     }
   }
+  return places;
+}
+
+// A single configuration, of which nothing is known before.
+void BM_SeparationConfiguration(benchmark::State& state) {
+  const std::shared_ptr<const DrawnRobot> robot = Rx130();
+  const VoxelSet somebody = Somebody();
+  const SpaceDistances space({{somebody, Zone()}}, kZoneRange);
+  SeparationMeter meter(*robot, space);
+  const std::vector<Configuration> places = RandomPlaces(*robot);
   size_t next = 0;
   for (auto _ : state) {
     const Configuration& q = places[next++ % places.size()];
     benchmark::DoNotOptimize(meter.Along(std::span(&q, 1), {}));
   }
-  state.counters["balls"] = static_cast<double>(robot->balls().balls());
+  state.counters["parts"] = static_cast<double>(robot->parts().size());
+}
+
+// A place of a straight motion of all joints, on which the robot touches nothing.
+void BM_SeparationPlace(benchmark::State& state) {
+  const std::shared_ptr<const DrawnRobot> robot = Rx130();
+  const VoxelSet somebody = Somebody();
+  const SpaceDistances space({{somebody, Zone()}}, kZoneRange);
+  SeparationMeter meter(*robot, space);
+  struct Motion {
+    std::array<Configuration, 2> ends;
+    benchmark::IterationCount places = 0;
+  };
+  std::vector<Motion> motions;
+  const std::vector<Configuration> places = RandomPlaces(*robot);
+  for (size_t i = 0; i + 1 < places.size(); ++i) {
+    const Motion motion{
+        .ends = {places[i], places[i + 1]},
+        .places = static_cast<benchmark::IterationCount>(
+            GreatestDisplacement(*robot, places[i], places[i + 1]) / SeparationMeter::kStep)};
+    if (meter.Along(motion.ends, {})->distance > 0) motions.push_back(motion);
+  }
+  if (motions.empty()) return state.SkipWithError("no motion is clear");
+  size_t next = 0;
+  while (state.KeepRunningBatch(motions[next].places)) {
+    benchmark::DoNotOptimize(meter.Along(motions[next].ends, {}));
+    next = (next + 1) % motions.size();
+  }
+  state.counters["motions"] = static_cast<double>(motions.size());
 }
 
 BENCHMARK(BM_SeparationScene)->Name("separation_scene")->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_SeparationConfiguration)
+    ->Name("separation_configuration")
+    ->Unit(benchmark::kNanosecond);
 BENCHMARK(BM_SeparationPlace)->Name("separation_place")->Unit(benchmark::kNanosecond);
 
 }  // namespace
