@@ -352,8 +352,9 @@ JointSpace Stage::joint_space() const {
 absl::StatusOr<Stage> Stage::Make(const SimulatedWorkplace& workplace,
                                   std::shared_ptr<const ServedDatabase> database, double rate) {
   ASSIGN_OR_RETURN(DrawnRobot robot, TrueRobot(workplace, database->robot_images().mask_sizes()));
-  return Stage(workplace, std::move(database), std::move(robot),
-               DefaultRule(ReachOf(workplace), rate));
+  SpeedRule rule = DefaultRule(ReachOf(workplace), rate);
+  if (database->separation() != nullptr) rule.leave_from = database->separation()->leave_from();
+  return Stage(workplace, std::move(database), std::move(robot), std::move(rule));
 }
 
 absl::StatusOr<Counts> RunEpisode(const Stage& stage, const EpisodeSettings& settings, int episode,

@@ -26,8 +26,6 @@ constexpr char kSilhouette[] = "silhouette";
 constexpr double kWayOut = 0.3;
 constexpr double kGain = 0.03;
 constexpr double kSameDistance = 0.02;
-// Who is nearer in truth may be touched by a robot that turns away, metres.
-constexpr double kTrueLeaveFrom = 0.05;
 // How fast somebody comes nearer is judged by distances of the last while, from one to another that
 // is at least so much later: steps of single voxels are no approach. Seconds.
 constexpr double kApproachPast = 0.2;
@@ -178,8 +176,6 @@ class SpeedLevels : public Method {
   virtual std::optional<PathDistance> Along(const Situation& now,
                                             const std::vector<Configuration>& way) const = 0;
   virtual double At(const Situation& now, std::span<const double> q) const = 0;
-  // The robot does not leave somebody who is nearer; metres.
-  virtual double LeaveFrom(const Situation& now) const = 0;
   // Along, by the truth; always known.
   std::optional<PathDistance> InTruth(const Situation& now,
                                       const std::vector<Configuration>& way) const {
@@ -236,7 +232,7 @@ class SpeedLevels : public Method {
   bool LeadsAway(const Situation& now, const std::vector<Configuration>& way) const {
     if (way.size() < 2) return false;
     const auto along = Along(now, way);
-    return along && along->at_start > LeaveFrom(now) + Approach() &&
+    return along && along->at_start > rule().leave_from + Approach() &&
            along->distance >= along->at_start - kSameDistance &&
            At(now, way.back()) >= along->at_start + kGain;
   }
@@ -298,7 +294,6 @@ class Oracle : public SpeedLevels {
   double At(const Situation& now, std::span<const double> q) const override {
     return now.truth.AtLeast(q);
   }
-  double LeaveFrom(const Situation&) const override { return kTrueLeaveFrom; }
 };
 
 // Distances from the possible space of the newest scene.
@@ -316,9 +311,6 @@ class Silhouette : public SpeedLevels {
   double At(const Situation& now, std::span<const double> q) const override {
     const auto distance = Along(now, {Configuration(q.begin(), q.end())});
     return distance ? distance->at_start : 0;
-  }
-  double LeaveFrom(const Situation& now) const override {
-    return now.checker->served().database->separation()->leave_from();
   }
 };
 

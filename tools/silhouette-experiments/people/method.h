@@ -24,6 +24,8 @@ struct SpeedRule {
   // From images to images. A decision is due with each, and rests on those before.
   double period = 0.05;
   double reach = 0;  // of the robot: radius about its base
+  // A robot does not leave people who are nearer (SeparationBasis::leave_from).
+  double leave_from = 0.05;
 
   const SpeedLevel& fastest() const { return separation.levels.back(); }
   // By level, slow ones first. Until the next decision, images become two periods old.
