@@ -17,7 +17,9 @@
 //     of either. What is not ruled out by that is not free.
 //   * What is possible in space (the sound presets) is found, at most, where its planes touch. The
 //     robot's body, with which the test may find a place free all the same, is not looked at.
-// A corner that has no robot image that can be read makes the cell not free.
+// A corner that has no robot image that can be read makes the cell not free, and so does one next
+// to which a place is forbidden (RobotImageTable::present): any place is next to a corner of its
+// cell.
 #pragma once
 
 #include <cstdint>

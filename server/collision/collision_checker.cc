@@ -105,7 +105,11 @@ CollisionChecker::CollisionChecker(const RobotImageTable& table,
   if (!IsCalibrated(policy.preset) && !IsSound(policy.preset)) TakePrepared(support);
 }
 
-Reason CollisionChecker::Unusable(Numbers corners) const {
+Reason CollisionChecker::Unusable(Numbers corners, const Between& part) const {
+  if (corners.empty()) return Reason::kOutsideGrid;
+  if (!part.from.empty() && table_.forbidden().Between(part.from, part.to)) {
+    return Reason::kExcluded;
+  }
   bool missing = false;
   bool corrupt = false;
   bool elsewhere = false;
@@ -114,7 +118,7 @@ Reason CollisionChecker::Unusable(Numbers corners) const {
     const RobotImageState state = table_.state(corner);
     if (state == RobotImageState::kExcluded) return Reason::kExcluded;
     missing = missing || state == RobotImageState::kMissing;
-    corrupt = corrupt || state == RobotImageState::kCorrupt;
+    corrupt = corrupt || state == RobotImageState::kCorrupt || state == RobotImageState::kEmpty;
     elsewhere = elsewhere || state == RobotImageState::kElsewhere;
     suspect = suspect || state == RobotImageState::kSuspect;
   }
@@ -160,7 +164,7 @@ void CollisionChecker::BeginEvidence(std::span<ViewEvidence> evidence) const {
 Verdict CollisionChecker::Judge(Numbers corners, const Between& part,
                                 std::span<ViewEvidence> evidence) const {
   BeginEvidence(evidence);
-  const Reason unusable = corners.empty() ? Reason::kOutsideGrid : Unusable(corners);
+  const Reason unusable = Unusable(corners, part);
   if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
   thread_local TestRobot test_robot;
   if (!test_robot.Take(table_, corners)) {
@@ -168,8 +172,7 @@ Verdict CollisionChecker::Judge(Numbers corners, const Between& part,
   }
   if (possible_space_ == nullptr) return JudgeTaken(test_robot, /*grown=*/false, {}, evidence);
   const Cell cell(table_.grid(), corners);
-  const Between& places = part.from.empty() ? cell.whole() : part;
-  return IfInWorkspace(JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), places}, evidence),
+  return IfInWorkspace(JudgeTaken(test_robot, /*grown=*/false, {cell.whole(), part}, evidence),
                        cell.whole().from, {});
 }
 
@@ -213,7 +216,7 @@ bool CollisionChecker::LeavesWorkspace(std::span<const double> q, Growth growth)
 Verdict CollisionChecker::JudgeNode(ConfigurationNumber number,
                                     std::span<ViewEvidence> evidence) const {
   BeginEvidence(evidence);
-  const Reason unusable = Unusable({&number, 1});
+  const Reason unusable = Unusable({&number, 1}, {});
   if (unusable != Reason::kNone) return Verdict::Unknown(unusable);
   const Verdict depends = Verdict::Unknown(Reason::kDependsOnWrist);
   if (possible_space_ != nullptr) return depends;
@@ -313,7 +316,8 @@ Verdict CollisionChecker::Check(ConfigurationNumber number,
                                 std::span<ViewEvidence> evidence) const {
   if (!table_.grid().Contains(number)) return Judge({}, {}, evidence);
   if (table_.has_nodes()) return JudgeNode(number, evidence);
-  return Judge({&number, 1}, {}, evidence);
+  const Configuration q = table_.grid().At(number);
+  return Judge({&number, 1}, {q, q}, evidence);
 }
 
 Verdict CollisionChecker::Check(std::span<const double> q, std::span<ViewEvidence> evidence) const {
@@ -366,7 +370,10 @@ std::optional<TileVerdicts> CollisionChecker::CheckTile(uint64_t tile, const Sto
   TileVerdicts verdicts;
   for (uint64_t place = 0; place < kTileSize; ++place) {
     const ConfigurationNumber number = tile * kTileSize + place;
-    if (table_.state(number) != RobotImageState::kPresent) continue;
+    const bool judged = table_.drawn() != nullptr
+                            ? table_.state(number) == RobotImageState::kPresent
+                            : table_.present(tile).Contains(place);
+    if (!judged) continue;
     if (Stopped(stop)) return std::nullopt;
     const uint64_t bit = uint64_t{1} << (place % 64);
     const State state = StateOf(number);
@@ -388,7 +395,7 @@ std::optional<std::vector<Mask>> CollisionChecker::TestRobotImages(std::span<con
   const CellCorners cell = table_.grid().CornersAround(q);
   Numbers corners = cell.numbers();
   if (off_grid_ == OffGrid::kNearest && nearest) corners = {&*nearest, 1};
-  if (corners.empty() || Unusable(corners) != Reason::kNone) return std::nullopt;
+  if (Unusable(corners, {q, q}) != Reason::kNone) return std::nullopt;
   if (!robot.Take(table_, corners)) return std::nullopt;
   return ImagesOf(robot);
 }

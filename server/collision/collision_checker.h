@@ -79,7 +79,9 @@ class CollisionChecker {
                         std::span<ViewEvidence> evidence = {},
                         const PathSettings& settings = {}) const;
 
-  // All configurations of a tile of the grid. Nothing: it was given up.
+  // All configurations of a tile of the grid; unknown, too, where one of the joint values whose
+  // nearest a captured one is, is forbidden. So a map frees no forbidden place off the grid.
+  // Nothing: it was given up.
   TileVerdicts CheckTile(uint64_t tile) const { return *CheckTile(tile, nullptr); }
   std::optional<TileVerdicts> CheckTile(uint64_t tile, const Stop& stop) const;
 
@@ -122,7 +124,7 @@ class CollisionChecker {
   // The verdict on a configuration that is present; unknown, too, if its image cannot be read.
   State StateOf(ConfigurationNumber number) const;
   bool Occupied(Numbers corner, const TestRobot& test_robot) const;
-  // `part`: empty: the configuration of the grid at the only corner.
+  // `part`: of which nothing may be forbidden; empty only if there is no corner.
   Verdict Judge(Numbers corners, const Between& part, std::span<ViewEvidence> evidence) const;
   // The robot as it is drawn at `q`. `growth` holds it all over `part`; `places`: of which nothing
   // may be forbidden.
@@ -151,8 +153,9 @@ class CollisionChecker {
     if (!own_resolved_.empty()) return own_resolved_[i]->words();
     return obstacle_images_[i]->obstacle().words();
   }
-  // Why the robot images at these corners cannot be used; kNone if they can.
-  Reason Unusable(Numbers corners) const;
+  // Why the robot images at these corners cannot be used for a part; kNone if they can. `part`:
+  // empty: a node, whose state tells what is forbidden.
+  Reason Unusable(Numbers corners, const Between& part) const;
 
   const RobotImageTable& table_;
   const ObstacleImages& obstacle_images_;

@@ -88,9 +88,12 @@ RobotImageState RobotImageTable::DrawnState(ConfigurationNumber number) const {
   if (forbidden_.empty()) return RobotImageState::kPresent;
   const Configuration q = grid_.At(*index);
   if (!has_nodes()) return StateBetween(q, q);
+  return IsForbiddenNear(q) ? RobotImageState::kExcluded : RobotImageState::kPresent;
+}
+
+bool RobotImageTable::IsForbiddenNear(const Configuration& q) const {
   const NodeCell cell = CellOf(grid_, q);
-  return forbidden_.Between(cell.from, cell.to) ? RobotImageState::kExcluded
-                                                : RobotImageState::kPresent;
+  return forbidden_.Between(cell.from, cell.to).has_value();
 }
 
 RobotImageState RobotImageTable::StateBetween(std::span<const double> from,
@@ -160,7 +163,7 @@ std::vector<Mask> RobotImageTable::MasksOf(std::span<const uint64_t> words) cons
 
 std::optional<std::vector<Mask>> RobotImageTable::Images(ConfigurationNumber number) const {
   std::vector<uint64_t> words(words_);
-  if (!Read(number, words)) return std::nullopt;
+  if (state(number) != RobotImageState::kEmpty && !Read(number, words)) return std::nullopt;
   return MasksOf(words);
 }
 
@@ -170,28 +173,32 @@ uint64_t RobotImageTable::Count(RobotImageState state) const {
 }
 
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
-                                  uint64_t expected)
+                                  uint64_t expected, JointRegions forbidden)
     : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
-  HoldNothing();
+  HoldNothing(std::move(forbidden));
   for (size_t view = 0; view < table_.images_.size(); ++view) {
     table_.images_[view].reserve(expected * table_.mask_sizes_[view].words());
   }
 }
 
 RobotImageTable::Builder::Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes,
-                                  Reader reader)
+                                  Reader reader, JointRegions forbidden)
     : table_(std::move(grid), std::move(mask_sizes)), covered_(table_.words_, 0) {
-  HoldNothing();
+  HoldNothing(std::move(forbidden));
   if (reader == nullptr) throw std::invalid_argument("there must be a reader");
   table_.reader_ = std::move(reader);
 }
 
-void RobotImageTable::Builder::HoldNothing() {
+void RobotImageTable::Builder::HoldNothing(JointRegions forbidden) {
   if (table_.grid_.has_any()) {
     throw std::invalid_argument(
         "the grid has a joint with one value that stands for any, which no captured robot image "
         "does; such robot images are drawn");
   }
+  if (!forbidden.Fits(table_.grid_.joints().size())) {
+    throw std::invalid_argument("a forbidden region bounds a joint that the grid does not have");
+  }
+  table_.forbidden_ = std::move(forbidden);
   table_.slots_.assign(table_.grid_.number_limit(), kFirstMark);
   table_.present_sets_.resize(table_.grid_.tiles());
 }
@@ -257,7 +264,31 @@ void RobotImageTable::Builder::AddWithout(ConfigurationNumber number, RobotImage
   ++table_.counts_[static_cast<size_t>(state)];
 }
 
+void RobotImageTable::Builder::Forbid() {
+  for (ConfigurationNumber number = 0; number < table_.slots_.size(); ++number) {
+    const std::optional<GridIndex> index = table_.grid_.IndexOf(number);
+    if (!index) continue;
+    const Configuration q = table_.grid_.At(*index);
+    if (!table_.IsForbiddenNear(q)) continue;
+    PlaceSet place;
+    place.Insert(number % kTileSize);
+    table_.present_sets_[number / kTileSize] -= place;
+    if (table_.forbidden_.Between(q, q)) Exclude(number);
+  }
+}
+
+void RobotImageTable::Builder::Exclude(ConfigurationNumber number) {
+  const RobotImageState state = table_.state(number);
+  if (state == RobotImageState::kExcluded) return;
+  if (state != RobotImageState::kMissing) --table_.counts_[static_cast<size_t>(state)];
+  ++table_.counts_[static_cast<size_t>(RobotImageState::kExcluded)];
+  // Scenes, and places beside the region, need what was captured.
+  if (state == RobotImageState::kPresent || state == RobotImageState::kEmpty) return;
+  table_.slots_[number] = kFirstMark + static_cast<uint32_t>(RobotImageState::kExcluded);
+}
+
 RobotImageTable RobotImageTable::Builder::Build() && {
+  if (!table_.forbidden_.empty()) Forbid();
   common_.resize(table_.words_, 0);
   table_.permanent_ = table_.MasksOf(common_);
   table_.covered_ = table_.MasksOf(covered_);

@@ -26,11 +26,12 @@ namespace silhouette {
 // What the table holds for a configuration.
 enum class RobotImageState : uint8_t {
   kMissing = 0,  // nothing was captured; also a number that no configuration has
-  kPresent,
-  kExcluded,   // in a region the robot must never enter
-  kCorrupt,    // a record that fails its checksum
-  kElsewhere,  // captured while a joint outside the grid was not where the cell has it
-  kSuspect,    // captured while the cell may have changed
+  kPresent,      // also in a region the robot must never enter, if images are captured
+  kExcluded,     // in such a region, without a captured image that is usable
+  kCorrupt,      // a record that fails its checksum
+  kElsewhere,    // captured while a joint outside the grid was not where the cell has it
+  kSuspect,      // captured while the cell may have changed
+  kEmpty,        // shows the robot in no view: no obstacle could meet it
 };
 
 class RobotImageTable {
@@ -63,7 +64,7 @@ class RobotImageTable {
 
   // What is drawn; null for any other table.
   const std::shared_ptr<const DrawnRobot>& drawn() const { return drawn_; }
-  // Where it must never be; nowhere in any other table.
+  // Where the robot must never be.
   const JointRegions& forbidden() const { return forbidden_; }
 
   // Drawn tables, both:
@@ -92,7 +93,7 @@ class RobotImageTable {
   // known of them. It does not in tables in memory. Nodes have no such image.
   bool Read(ConfigurationNumber number, std::span<uint64_t> words) const;
 
-  // The same as masks, one per view; nothing if they cannot be read.
+  // The same as masks, one per view; nothing if they cannot be read. Also of kEmpty: no pixels.
   std::optional<std::vector<Mask>> Images(ConfigurationNumber number) const;
 
   // The robot image of a configuration whose state is kPresent, in a table in memory.
@@ -101,14 +102,18 @@ class RobotImageTable {
     return {images_[static_cast<size_t>(view)].data() + slots_[number] * words, words};
   }
 
-  // The configurations of a tile of the grid whose state is kPresent; none of a table that draws.
+  // The configurations of a tile of the grid that can stand for all joint values whose nearest they
+  // are: their state is kPresent, and none of these values is forbidden. None of a table that
+  // draws.
   const PlaceSet& present(uint64_t tile) const { return present_sets_[drawn_ ? 0 : tile]; }
 
-  // Number of configurations in a state; where a table draws, all of the grid's are kPresent.
+  // Number of configurations in a state; captured ones in a region the robot must never enter count
+  // as kExcluded. Where a table draws, all of the grid's are kPresent.
   uint64_t Count(RobotImageState state) const;
 
-  // The pixels that the robot covers in every configuration that is present; none if there is no
-  // such configuration. Of a robot that is drawn, those that its fixed parts touch.
+  // The pixels that the robot covers in every usable robot image, those in forbidden regions
+  // included; no pixel if there is no image. Of a robot that is drawn, those that its fixed parts
+  // touch.
   const Mask& permanent(int view) const { return permanent_[static_cast<size_t>(view)]; }
   // The pixels that it covers in any of them. Of a robot that is drawn, all pixels.
   const Mask& covered(int view) const { return covered_[static_cast<size_t>(view)]; }
@@ -120,6 +125,8 @@ class RobotImageTable {
 
   RobotImageTable(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes);
   RobotImageState DrawnState(ConfigurationNumber number) const;
+  // Whether any of the joint values whose nearest configuration is `q` is forbidden.
+  bool IsForbiddenNear(const Configuration& q) const;
   void DrawRobot(const DrawnRobot& robot, std::span<const double> q, Growth growth,
                  std::span<uint64_t> words) const;
   std::vector<Mask> DrawnFixedParts() const;
@@ -138,19 +145,23 @@ class RobotImageTable {
   std::vector<PlaceSet> present_sets_;         // by tile; a single one if images are drawn
   std::vector<Mask> permanent_;
   std::vector<Mask> covered_;
-  std::array<uint64_t, 6> counts_{};  // by state; not of what is missing
+  std::array<uint64_t, 7> counts_{};  // by state; not of what is missing
 };
 
 class RobotImageTable::Builder {
  public:
   // A table in memory. `mask_sizes`: one per view, at least one, all valid. `expected`: about how
-  // many images will be added, to reserve memory. Throws std::invalid_argument if this does not
-  // hold, or if the grid has more than 2^32 - 16 places, or a joint that stands for any value.
-  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected = 0);
+  // many images will be added, to reserve memory. `forbidden`: where the robot must never be; its
+  // configurations count as kExcluded. Throws std::invalid_argument if this does not hold, if the
+  // grid has more than 2^32 - 16 places, or a joint that stands for any value, or lacks one of
+  // `forbidden`.
+  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, uint64_t expected = 0,
+          JointRegions forbidden = {});
 
   // A table that reads by `reader`, which must not be null. What is added is looked at and not
   // kept.
-  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, Reader reader);
+  Builder(ConfigurationGrid grid, std::vector<MaskSize> mask_sizes, Reader reader,
+          JointRegions forbidden = {});
 
   // Each configuration is added once, by one of these. Throws std::invalid_argument for one that is
   // outside the grid or added twice, and for masks that do not fit the views.
@@ -164,7 +175,9 @@ class RobotImageTable::Builder {
   RobotImageTable Build() &&;
 
  private:
-  void HoldNothing();
+  void HoldNothing(JointRegions forbidden);
+  void Forbid();
+  void Exclude(ConfigurationNumber number);
   void RequireNew(ConfigurationNumber number) const;
 
   RobotImageTable table_;

@@ -164,7 +164,8 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
   };
   for (ConfigurationNumber corner : corners.numbers()) {
     const RobotImageState state = images.state(corner);
-    if (state == RobotImageState::kPresent) continue;
+    // A robot that no view shows covers nothing.
+    if (state == RobotImageState::kPresent || state == RobotImageState::kEmpty) continue;
     add_defect(corner, state);
     return {};
   }

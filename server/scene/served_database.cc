@@ -43,7 +43,10 @@ void AddImage(const MetRecord& record, CaptureOfVariant& capture,
       capture.used.Elsewhere(record.measured, capture.tolerance);
   if (!elsewhere) {
     capture.used.Add(record.measured);
-    return builder.Add(record.number, record.words);
+    const bool shows_robot =
+        std::ranges::any_of(record.words, [](uint64_t word) { return word != 0; });
+    return shows_robot ? builder.Add(record.number, record.words)
+                       : builder.AddWithout(record.number, RobotImageState::kEmpty);
   }
   if (capture.elsewhere.empty()) capture.elsewhere = *elsewhere;
   builder.AddWithout(record.number, RobotImageState::kElsewhere);
@@ -83,7 +86,8 @@ VisitRecord AddingTo(RobotImageTable::Builder& builder, CaptureOfVariant& captur
 absl::StatusOr<RobotImageTable> LoadIntoMemory(const Database& database, const Snapshot& snapshot,
                                                const LoadSettings& settings,
                                                CaptureOfVariant& capture) {
-  RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size());
+  RobotImageTable::Builder builder(database.grid(), database.mask_sizes(), snapshot.size(),
+                                   settings.forbidden);
   RETURN_IF_ERROR(ForEachMasks(snapshot, AddingTo(builder, capture, snapshot.size(), settings)));
   return std::move(builder).Build();
 }
@@ -94,10 +98,12 @@ absl::StatusOr<RobotImageTable> LoadInPlace(const Database& database,
                                             CaptureOfVariant& capture) {
   // The table is begun before there is what it will read from.
   const auto images = std::make_shared<std::shared_ptr<const RobotImagesInPlace>>();
-  RobotImageTable::Builder builder(database.grid(), database.mask_sizes(),
-                                   [images](ConfigurationNumber number, std::span<uint64_t> words) {
-                                     return (*images)->Read(number, words);
-                                   });
+  RobotImageTable::Builder builder(
+      database.grid(), database.mask_sizes(),
+      [images](ConfigurationNumber number, std::span<uint64_t> words) {
+        return (*images)->Read(number, words);
+      },
+      settings.forbidden);
   ASSIGN_OR_RETURN(
       auto opened,
       RobotImagesInPlace::Open(snapshot, AddingTo(builder, capture, snapshot->size(), settings)));

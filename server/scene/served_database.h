@@ -22,6 +22,7 @@
 #include "calib/robot/drawn_cell.h"
 #include "capture/segmentation/image_condition.h"
 #include "capture/segmentation/reference.h"
+#include "db/mask/joint_regions.h"
 #include "db/store/collision_index.h"
 #include "db/store/fixed_joints.h"
 #include "db/store/store.h"
@@ -74,6 +75,8 @@ struct LoadSettings {
   double fixed_joint_tolerance = 0.005;
   // In place of the database's own, for experiments: that it is of these cameras is not checked.
   std::optional<Calibration> calibration = std::nullopt;
+  // Where the robot of captured images must never be; that of drawn ones: `drawn` says it.
+  JointRegions forbidden = {};
   // What robot images are drawn from, by the calibration; nothing: they are those that were
   // captured. No verdict rests on captured ones then. Maps rest on the collision index of stored
   // drawn ones if they are of the very same robot.

@@ -172,6 +172,15 @@ void ToMessage(const Scene& scene, bool include_planes, std::span<const SceneDef
   for (const SceneDefect& defect : defects) ToMessage(defect, message->add_defects());
 }
 
+namespace {
+
+// As GetDatabaseResponse.corrupt counts.
+uint64_t Corrupt(const RobotImageTable& images) {
+  return images.Count(RobotImageState::kCorrupt) + images.Count(RobotImageState::kEmpty);
+}
+
+}  // namespace
+
 void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
                v1::GetDatabaseResponse* message) {
   const RobotImageTable& images = database.robot_images();
@@ -203,14 +212,14 @@ void ToMessage(const ServedDatabase& database, const ServingSettings& settings,
   message->set_configurations(database.grid().size());
   message->set_captured(images.Count(RobotImageState::kPresent));
   message->set_excluded(images.Count(RobotImageState::kExcluded));
-  message->set_corrupt(images.Count(RobotImageState::kCorrupt));
+  message->set_corrupt(Corrupt(images));
   for (const std::string& name : database.variants()) {
     const RobotImageTable& of_variant = database.Variant(name)->robot_images();
     v1::RobotImageVariant& variant = *message->add_variants();
     variant.set_name(name);
     variant.set_captured(of_variant.Count(RobotImageState::kPresent));
     variant.set_excluded(of_variant.Count(RobotImageState::kExcluded));
-    variant.set_corrupt(of_variant.Count(RobotImageState::kCorrupt));
+    variant.set_corrupt(Corrupt(of_variant));
   }
   ToMessage(DefaultPolicy(settings, database), database.views(), message->mutable_default_policy());
   message->set_calibrated(database.bands() != nullptr);

@@ -291,24 +291,27 @@ absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {
                                             .separation = cell.separation});
 }
 
+absl::StatusOr<JointRegions> ForbiddenOf(const Cell& cell) {
+  try {
+    return ForbiddenRegions(cell.capture.forbidden_regions, cell.grid).regions();
+  } catch (const std::invalid_argument& error) {
+    return absl::InvalidArgumentError(cell.file + ": " + error.what());
+  }
+}
+
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell) {
   if (!cell.robot.drawn) return std::optional<DrawnCell>();
   DrawnCell drawn{.robot = cell.robot.model,
                   .parts = *cell.robot.drawn,
                   .payload_radius = cell.robot.payload_radius,
                   .fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance};
-  if (cell.capture.forbidden_regions.empty()) return std::optional(std::move(drawn));
+  ASSIGN_OR_RETURN(drawn.forbidden, ForbiddenOf(cell));
   for (const ForbiddenRegion& region : cell.capture.forbidden_regions) {
     for (const ForbiddenRegion::Range& range : region.ranges) {
       absl::StrAppendFormat(&drawn.forbidden_text, "%s %.17g %.17g; ", range.joint, range.lower,
                             range.upper);
     }
     drawn.forbidden_text += "\n";
-  }
-  try {
-    drawn.forbidden = ForbiddenRegions(cell.capture.forbidden_regions, cell.grid).regions();
-  } catch (const std::invalid_argument& error) {
-    return absl::InvalidArgumentError(cell.file + ": " + error.what());
   }
   return std::optional(std::move(drawn));
 }

@@ -22,6 +22,7 @@
 #include "capture/session/capture_settings.h"
 #include "capture/verification/model_comparison.h"
 #include "db/mask/configuration_grid.h"
+#include "db/mask/joint_regions.h"
 #include "db/mask/mask.h"
 #include "server/collision/policy.h"
 #include "server/gate/gate_settings.h"
@@ -144,8 +145,11 @@ std::vector<std::string> Doubts(const Cell& cell);
 // WorkspaceOf.
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell);
 
-// What robot images are drawn from; nothing if they are captured. InvalidArgument: forbidden
-// regions that cannot be.
+// Where the robot must never be, of the grid's joints. InvalidArgument: forbidden regions that
+// cannot be.
+absl::StatusOr<JointRegions> ForbiddenOf(const Cell& cell);
+
+// What robot images are drawn from; nothing if they are captured. Errors: those of ForbiddenOf.
 absl::StatusOr<std::optional<DrawnCell>> DrawnCellOf(const Cell& cell);
 
 // What the cell's database must say of it.

@@ -209,7 +209,12 @@ void LogVariant(const ServedDatabase& variant, const std::string& title, const s
   };
   warn(RobotImageState::kMissing, "without a robot image: unknown until captured");
   warn(RobotImageState::kCorrupt,
-       "with a robot image that fails its checksum: unknown until captured again");
+       "with a robot image that fails its checksum: unknown until captured again; 'silhouette-db "
+       "verify' says which");
+  warn(RobotImageState::kEmpty,
+       "with a robot image that shows the robot in no view: unknown until captured again, "
+       "'silhouette-db verify' says which; if no camera can see the robot there, forbid the "
+       "region");
   warn(RobotImageState::kElsewhere,
        absl::StrCat("with a robot image that was captured with a fixed joint elsewhere, as ",
                     variant.elsewhere(),
@@ -443,6 +448,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   ASSIGN_OR_RETURN(const TreatmentSettings treatments, TreatmentSettingsOf(cell));
   ASSIGN_OR_RETURN(const std::optional<SoundCell> sound, SoundCellOf(cell));
   LoadSettings load = LoadSettingsOf(cell);
+  ASSIGN_OR_RETURN(load.forbidden, ForbiddenOf(cell));
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
   ASSIGN_OR_RETURN(load.calibration_doubt, CalibrationDoubtOf(cell, *database));

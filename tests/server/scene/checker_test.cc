@@ -61,6 +61,50 @@ TEST_F(CheckerTest, GoodSceneGivesFreeAndOccupied) {
   EXPECT_TRUE(checker.CheckPath(std::vector<Configuration>{At(0, 0), At(1, 0)}).verdict.free());
 }
 
+TEST_F(CheckerTest, RegionForbiddenAfterTheCaptureIsNeverFree) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db", {.index = true});
+  for (const uint64_t memory : {uint64_t{1} << 30, uint64_t{0}}) {
+    LoadSettings load{.robot_image_memory = memory};
+    load.forbidden = JointRegions(
+        {{{.joint = 0, .lower = 1.4, .upper = 1.6}}, {{.joint = 0, .lower = 3, .upper = 3}}});
+    database = LoadDatabase(folder / "db", {.margin = 0}, {}, load);
+    const Served served = ServedScene(EmptyCellScene());
+    const Checker checker(served, {}, settings, kCheckerNow);
+    for (const double a : {1.5, 3.0}) {
+      EXPECT_EQ(checker.Check(Configuration{a, 0}), Verdict::Unknown(Reason::kExcluded));
+    }
+    EXPECT_EQ(checker.CheckPath(std::vector<Configuration>{At(1, 0), At(2, 0)}).verdict,
+              Verdict::Unknown(Reason::kExcluded));
+    for (const int a : {0, 1, 2, 4}) EXPECT_TRUE(checker.Check(At(a, 0)).free()) << a;
+    const ConfigurationSpace space(served, {});
+    const auto state = [&](int a) { return space.state(database->grid().NumberOf({a, 0})); };
+    EXPECT_EQ(state(0), State::kFree);
+    for (const int a : {1, 2, 3}) EXPECT_EQ(state(a), State::kUnknown) << a;
+    EXPECT_EQ(state(4), State::kFree);
+  }
+}
+
+TEST_F(CheckerTest, RobotBesideARegionForbiddenAfterTheCaptureLeavesTheSceneUsable) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeDatabase(folder / "db", {.index = true});
+  for (const uint64_t memory : {uint64_t{1} << 30, uint64_t{0}}) {
+    LoadSettings load{.robot_image_memory = memory};
+    load.forbidden = JointRegions({{{.joint = 0, .lower = 3, .upper = 4}}});
+    database = LoadDatabase(folder / "db", {.margin = 0}, {}, load);
+    SceneInput input = EmptyCellScene(2, 0);
+    input.joints = JointsAt({2.9, At(2, 0)[1]});  // the cell's corners at 3 are forbidden
+    const Checker checker = CheckerOf(input);
+    EXPECT_EQ(checker.blocked(), Reason::kNone);
+    for (const double a : {0.0, 2.0, 2.9}) {
+      EXPECT_TRUE(checker.Check(Configuration{a, 0}).free()) << a;
+    }
+    for (const double a : {3.0, 3.5, 4.0}) {
+      EXPECT_EQ(checker.Check(Configuration{a, 0}), Verdict::Unknown(Reason::kExcluded)) << a;
+    }
+  }
+}
+
 TEST_F(CheckerTest, NoSceneYetIsNeverFree) {
   const Checker checker({database, nullptr, Reason::kNoScene}, {}, settings, kCheckerNow);
   ExpectNothingFree(checker, Reason::kNoScene);

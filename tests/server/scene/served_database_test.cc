@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include "server/scene/checker.h"
+#include "server/scene/configuration_space.h"
 #include "tests/server/test_cell.h"
 
 namespace silhouette {
@@ -59,6 +61,81 @@ TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
   const absl::Status status = ServedDatabase::Load(**database).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
   EXPECT_THAT(status.message(), HasSubstr("shows no robot in any of 40 robot images"));
+}
+
+// No view shows the robot at grid point (2, 7), a single one at (3, 7).
+std::string DatabaseWithAnEmptyRobotImage() {
+  const std::string path = FreshFolder() / "db";
+  MakeDatabase(path);
+  {
+    const auto database = Database::Open(path, Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    for (const int a : {2, 3}) {
+      RobotImage image = TestRobotImage((*database)->grid(), a, 7);
+      for (size_t view = 0; view < image.masks.size(); ++view) {
+        if (a == 2 || view > 0) image.masks[view] = Mask(image.masks[view].size());
+      }
+      EXPECT_TRUE(writer->Put(image, /*replace=*/true).ok());
+    }
+    EXPECT_TRUE(writer->Commit().ok());
+  }
+  BuildIndex(path);
+  return path;
+}
+
+Checker CheckerIn(const std::shared_ptr<const ServedDatabase>& database, const SceneInput& input) {
+  const Moment now{absl::FromUnixSeconds(1'000'000), absl::Seconds(50)};
+  absl::StatusOr<Scene> scene = MakeScene(*database, input, {}, {}, now);
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  scene->id = 1;
+  return Checker({database, std::make_shared<const Scene>(*std::move(scene)), Reason::kNone}, {},
+                 {}, now);
+}
+
+TEST(ServedDatabase, RobotImageWithoutAPixelInAnyViewIsNeverFree) {
+  const std::string path = DatabaseWithAnEmptyRobotImage();
+  for (const LoadSettings& settings : {LoadSettings{}, LoadSettings{.robot_image_memory = 0}}) {
+    const auto database = LoadDatabase(path, {.margin = 0}, {}, settings);
+    EXPECT_EQ(StateAt(*database, 2, 7), RobotImageState::kEmpty);
+    EXPECT_EQ(StateAt(*database, 3, 7), RobotImageState::kPresent);
+    const Checker checker = CheckerIn(database, EmptyCellScene());
+    EXPECT_EQ(checker.Check(At(2, 7)), Verdict::Unknown(Reason::kRobotImageCorrupt));
+    EXPECT_TRUE(checker.Check(At(3, 7)).free());
+    const std::vector<Configuration> way = {At(1, 7), At(3, 7)};
+    EXPECT_EQ(checker.CheckPath(way).verdict.reason(), Reason::kRobotImageCorrupt);
+    const ConfigurationNumber number = database->grid().NumberOf({2, 7});
+    const TileVerdicts tile = CheckAllTiles(checker.served(), {})[number / kTileSize];
+    const uint64_t place = number % kTileSize;
+    EXPECT_EQ(tile.free[place / 64] >> (place % 64) & 1, 0u);
+  }
+}
+
+TEST(ServedDatabase, RobotThatNoViewShowsLeavesTheSceneUsable) {
+  const std::string path = DatabaseWithAnEmptyRobotImage();
+  LoadSettings forbidding;
+  forbidding.forbidden =
+      JointRegions({{{.joint = 0, .lower = 2, .upper = 2},
+                     {.joint = 1, .lower = At(2, 7)[1] - 0.1, .upper = At(2, 7)[1] + 0.1}}});
+  for (const LoadSettings& settings :
+       {LoadSettings{}, LoadSettings{.robot_image_memory = 0}, forbidding}) {
+    const auto database = LoadDatabase(path, {.margin = 0}, {}, settings);
+    const bool forbidden = !settings.forbidden.empty();
+    EXPECT_EQ(database->robot_images().Count(RobotImageState::kEmpty), forbidden ? 0u : 1u);
+    SceneInput unseen = EmptyCellScene();
+    unseen.joints = JointsAt(At(2, 7));
+    for (int view = 0; view < 3; ++view) {
+      unseen.views[static_cast<size_t>(view)].image = SceneMask{Mask(kViewSizes[view])};
+    }
+    SceneInput beside = EmptyCellScene(1, 7);
+    beside.joints = JointsAt({1.1, At(1, 7)[1]});
+    for (const SceneInput& input : {unseen, beside}) {
+      const Checker checker = CheckerIn(database, input);
+      EXPECT_EQ(checker.blocked(), Reason::kNone);
+      EXPECT_TRUE(checker.Check(At(0, 0)).free());
+      EXPECT_EQ(checker.Check(At(2, 7)),
+                Verdict::Unknown(forbidden ? Reason::kExcluded : Reason::kRobotImageCorrupt));
+    }
+  }
 }
 
 TEST(ServedDatabase, IsNotTouchedByWhatIsWrittenAfterwards) {

@@ -196,6 +196,7 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> SimulatedWorkplace::Serve(
   ASSIGN_OR_RETURN(const auto sound, SoundCellOf(cell));
   LoadSettings load{.fixed_joint_tolerance = cell.server.scene.fixed_joint_tolerance,
                     .calibration = settings.calibration};
+  ASSIGN_OR_RETURN(load.forbidden, ForbiddenOf(cell));
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   // With the cables that the cell's own model lacks: verify-model would have found them.
   if (load.drawn) load.drawn->robot = std::make_shared<const RobotModel>(robot());
