@@ -59,7 +59,7 @@ double Padding(std::span<const GridJoint> joints, std::span<const int> exponents
   double padding = 1;
   for (size_t j = 0; j < joints.size(); ++j) {
     const int edge = 1 << exponents[j];
-    const int padded = (joints[j].steps + edge - 1) / edge * edge;
+    const int64_t padded = (int64_t{joints[j].steps} + edge - 1) / edge * edge;
     padding *= static_cast<double>(padded) / joints[j].steps;
   }
   return padding;
@@ -112,16 +112,18 @@ ConfigurationGrid::ConfigurationGrid(std::vector<GridJoint> joints, std::vector<
         throw std::invalid_argument("joint '" + joints_[j].name + "' is named twice");
       }
     }
-    size_ *= static_cast<uint64_t>(joints_[j].steps);
-    if (size_ > kMaxConfigurations) {
+    const auto steps = static_cast<uint64_t>(joints_[j].steps);
+    if (steps > kMaxConfigurations / size_) {
       throw std::invalid_argument("the grid has more than 2^40 configurations: use fewer steps");
     }
+    size_ *= steps;
   }
   if (tile_edges_.empty()) tile_edges_ = ChooseTileEdges(joints_);
   RequireValidEdges(tile_edges_, joints_.size());
   tiles_ = 1;
   for (size_t j = 0; j < joints_.size(); ++j) {
-    tile_counts_.push_back((joints_[j].steps + tile_edges_[j] - 1) / tile_edges_[j]);
+    tile_counts_.push_back(
+        static_cast<uint64_t>((int64_t{joints_[j].steps} + tile_edges_[j] - 1) / tile_edges_[j]));
     tiles_ *= tile_counts_.back();
   }
 }
@@ -192,14 +194,13 @@ std::optional<double> ConfigurationGrid::Place(int j, double value) const {
   if (joint.continuous) {
     if (std::abs(place) > kMostSteps) return std::nullopt;
     place -= std::floor(place / joint.steps) * joint.steps;
-    if (place > joint.steps - kSnap) place = 0;
   }
   const double last = joint.continuous ? joint.steps : joint.steps - 1;
   if (!(place >= -kSnap && place <= last + kSnap)) return std::nullopt;
   const int below = static_cast<int>(place);
   const double nearest = place - below > 0.5 ? below + 1 : below;
-  if (std::abs(place - nearest) <= kSnap) return nearest;
-  return place;
+  if (std::abs(place - nearest) > kSnap) return place;
+  return joint.continuous && nearest == joint.steps ? 0 : nearest;
 }
 
 std::optional<ConfigurationNumber> ConfigurationGrid::Nearest(std::span<const double> q) const {

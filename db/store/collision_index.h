@@ -111,6 +111,8 @@ class CollisionIndex {
 struct IndexBuildOptions {
   // Builds the tiles that are fresh, too.
   bool all = false;
+  // Builds this variant alone, even if it is the default one.
+  bool only_variant = false;
   int threads = 2;
   // How many bytes of finished tiles may wait to be written (a tile may always); twice as much is
   // being written.

@@ -300,7 +300,7 @@ absl::StatusOr<IndexBuildReport> IndexBuild::Run(Database& database,
                                                  const IndexBuildOptions& options) {
   RETURN_IF_ERROR(CheckWritable(*database.state_));
   std::vector<std::string> names = {database.variant()};
-  if (database.state_->places.is_default()) {
+  if (database.state_->places.is_default() && !options.only_variant) {
     ASSIGN_OR_RETURN(std::vector<std::string> all, database.Variants());
     names = std::move(all);
   }

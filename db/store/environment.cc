@@ -55,6 +55,9 @@ absl::Status LmdbError(int code, const std::string& what) {
     case MDB_READERS_FULL:
     case MDB_MAP_FULL:
       return absl::ResourceExhaustedError(absl::StrCat(what, ": ", mdb_strerror(code)));
+    case MDB_DBS_FULL:
+      return absl::ResourceExhaustedError(
+          what + ": the program has met too many variants, removed ones included; start it again");
     case EFBIG:
       return absl::ResourceExhaustedError(
           what + ": the file would be larger than 'ulimit -f' permits; raise that and try again");

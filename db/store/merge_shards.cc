@@ -21,6 +21,7 @@
 #include "db/store/raw_records.h"
 #include "db/store/shards.h"
 #include "db/store/tile_value.h"
+#include "db/store/writer_lock.h"
 
 namespace silhouette {
 namespace {
@@ -243,7 +244,7 @@ absl::Status ShardMerge::ReadTile(const Shard& shard, size_t variant, uint64_t t
                      state.environment().Get(state.transaction(), *index, schema::EncodeKey(tile)));
   }
   const std::optional<TileHeader> header = value ? TileHeaderIn(*value) : std::nullopt;
-  if (!header || header->digest != digest.Get() || header->unreadable != 0) {
+  if (!header || header->digest != digest.Get() || header->unreadable != 0 || header->coding != 0) {
     return FailedPrecondition(Named(shard), " has no collision index of tile ", tile,
                               " that fits its records; go on drawing it");
   }
@@ -351,17 +352,17 @@ absl::StatusOr<MergeReport> ShardMerge::Run(const std::vector<std::string>& path
   ShardMerge merge(settings);
   RETURN_IF_ERROR(merge.OpenShards(paths));
   const std::string part = target + ".part";
+  std::optional<WriterLock> no_other_merge;  // until the new database has a lock of its own
   if (std::filesystem::exists(part)) {
-    RETURN_IF_ERROR(WriterLock::Take(part).status());  // no other merge is writing it
+    ASSIGN_OR_RETURN(WriterLock taken, WriterLock::Take(part));
+    no_other_merge.emplace(std::move(taken));
     RemoveDatabase(part);
   }
-  {
-    ASSIGN_OR_RETURN(const std::unique_ptr<Database> made,
-                     Database::Create(part, merge.shards_.front().database->cell()));
-    absl::Cleanup remove = [&] { RemoveDatabase(part); };
-    RETURN_IF_ERROR(merge.MergeInto(*made));
-    std::move(remove).Cancel();
-  }
+  ASSIGN_OR_RETURN(const std::unique_ptr<Database> made,
+                   Database::Create(part, merge.shards_.front().database->cell()));
+  absl::Cleanup remove = [&] { RemoveDatabase(part); };
+  RETURN_IF_ERROR(merge.MergeInto(*made));
+  std::move(remove).Cancel();
   RETURN_IF_ERROR(MoveInto(part, target));
   return merge.report_;
 }

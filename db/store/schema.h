@@ -47,8 +47,9 @@ inline constexpr char kRobotImages[] = "robot_images";
 inline constexpr char kCollisionIndex[] = "collision_index";
 inline constexpr char kRawImages[] = "raw_images";
 // How many sub-databases a process may have open, those of later versions included: some for all
-// variants, and some for each.
-inline constexpr unsigned kMaxSubDatabases = 96;
+// variants, and up to three for each name of a variant that it met, removed ones included, until it
+// closes the database.
+inline constexpr unsigned kMaxSubDatabases = 1024;
 
 // The variant that every database has, and the most variants of a database, this one included.
 inline constexpr char kDefaultVariant[] = "default";

@@ -251,11 +251,16 @@ absl::Status Database::SetVerification(
 }
 
 absl::Status Database::Compact(const std::string& target) const {
+  const auto require_none = [&] {
+    return fs::exists(fs::path(target) / schema::kDataFile)
+               ? absl::AlreadyExistsError(
+                     absl::StrCat("there is a database in '", target, "' already"))
+               : absl::OkStatus();
+  };
+  RETURN_IF_ERROR(require_none());
   RETURN_IF_ERROR(PrepareFolder(target));
-  if (fs::exists(fs::path(target) / schema::kDataFile)) {
-    return absl::AlreadyExistsError(absl::StrCat("there is a database in '", target, "' already"));
-  }
-  RETURN_IF_ERROR(WriterLock::Take(target).status());
+  ASSIGN_OR_RETURN(const WriterLock lock, WriterLock::Take(target));
+  RETURN_IF_ERROR(require_none());  // another one may just have placed it
   return PlaceDataFile(target, [&](const std::string& folder) {
     const auto hold = state_->environment->HoldMap();
     const int code = mdb_env_copy2(state_->environment->get(), folder.c_str(), MDB_CP_COMPACT);

@@ -21,11 +21,14 @@ std::string WriterLockLockPath(const std::string& folder) {
   return folder + "/" + schema::kWriterFile;
 }
 
+// Who has the lock of a writer: only readers that keep writers out do not name themselves.
+constexpr char kUnnamed[] = "another process";
+
 std::string Holder(int file) {
   char text[32] = {};
   const ssize_t length = pread(file, text, sizeof(text) - 1, 0);
   int pid = 0;
-  if (length <= 0 || !absl::SimpleAtoi(text, &pid)) return "another process";
+  if (length <= 0 || !absl::SimpleAtoi(text, &pid)) return kUnnamed;
   if (pid == getpid()) return "this process already";
   return absl::StrCat("another process (pid ", pid, ")");
 }
@@ -37,12 +40,14 @@ absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
   const int file = open(WriterLockLockPath(folder).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0664);
   if (file < 0) return LmdbError(errno, what);
   if (flock(file, LOCK_EX | LOCK_NB) != 0) {
-    const absl::Status refused =
-        errno != EWOULDBLOCK ? LmdbError(errno, what)
-                             : absl::FailedPreconditionError(absl::StrCat(
-                                   what, ": ", Holder(file), " is writing to it; end that first"));
+    const int error = errno;
+    const std::string holder = Holder(file);
     close(file);
-    return refused;
+    if (error != EWOULDBLOCK) return LmdbError(error, what);
+    return absl::FailedPreconditionError(absl::StrCat(
+        what, ": ", holder, " is writing to it",
+        holder == kUnnamed ? ", or a server without permission to write lock.mdb reads it" : "",
+        "; end that first"));
   }
   WriterLock lock(file);  // which empties the file when it goes
   const std::string pid = absl::StrCat(getpid(), "\n");

@@ -319,16 +319,20 @@ void AddShowTo(CLI::App& parent, Work& work) {
       parent, work, "show",
       "Cameras, pairs of views, and how well the robot images agree with the calibration",
       CalibrationShow);
-  AddPictureOption(command, options.picture,
-                   "Draw some pixels' bands in the other views into this PNG file");
-  command.add_option("--view", options.view, "The view of these pixels; default: the first");
+  CLI::Option* picture = AddPictureOption(
+      command, options.picture, "Draw some pixels' bands in the other views into this PNG file");
+  command.add_option("--view", options.view, "The view of these pixels; default: the first")
+      ->needs(picture);
   command
       .add_option("--pixel", options.pixels,
                   "X,Y of a mask pixel, up to four; default: some of the robot's")
-      ->take_all();
-  command.add_option("--number", options.number,
-                     "The configuration of the robot in the picture; default: the one that "
-                     "contradicts the calibration most");
+      ->take_all()
+      ->needs(picture);
+  command
+      .add_option("--number", options.number,
+                  "The configuration of the robot in the picture; default: the one that "
+                  "contradicts the calibration most")
+      ->needs(picture);
   AddMargin(command, options);
   AddFormatOption(command, options.format);
   command.footer(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-db diff: compares two databases.
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -143,6 +144,23 @@ absl::Status CompareDrawn(const OpenedDatabase& first, const OpenedDatabase& sec
                      printer);
 }
 
+// Of which configurations there are raw images.
+absl::Status CompareRawImages(const OpenedDatabase& first, const OpenedDatabase& second,
+                              Printer& printer) {
+  ASSIGN_OR_RETURN(const auto a, first.snapshot.RawImageNumbers());
+  ASSIGN_OR_RETURN(const auto b, second.snapshot.RawImageNumbers());
+  std::vector<ConfigurationNumber> both;
+  std::ranges::set_intersection(a, b, std::back_inserter(both));
+  const auto say = [&](size_t more, const char* where) {
+    if (more == 0) return;
+    printer.Say(
+        absl::StrCat("raw images of ", Counted(more, "configuration"), ": only in ", where));
+  };
+  say(a.size() - both.size(), "the first");
+  say(b.size() - both.size(), "the second");
+  return absl::OkStatus();
+}
+
 absl::Status CompareCalibrations(const OpenedDatabase& first, const OpenedDatabase& second,
                                  Printer& printer) {
   ASSIGN_OR_RETURN(const auto a, first.snapshot.Calibration());
@@ -180,7 +198,10 @@ absl::Status CompareFurtherVariants(const OpenedDatabase& first, const OpenedDat
     } else if (name != schema::kDefaultVariant) {
       ASSIGN_OR_RETURN(const OpenedDatabase of_first, OpenForReading(options.first, name));
       ASSIGN_OR_RETURN(const OpenedDatabase of_second, OpenForReading(options.second, name));
-      if (!options.masks_only) RETURN_IF_ERROR(CompareDrawn(of_first, of_second, printer));
+      if (!options.masks_only) {
+        RETURN_IF_ERROR(CompareDrawn(of_first, of_second, printer));
+        RETURN_IF_ERROR(CompareRawImages(of_first, of_second, printer));
+      }
       RETURN_IF_ERROR(CompareRecords(of_first, of_second, options.masks_only, printer));
     }
   }
@@ -213,6 +234,7 @@ absl::StatusOr<ExitCode> Diff(const DiffOptions& options) {
     RETURN_IF_ERROR(
         ComparePart(first, second, &Snapshot::Verification, "verification of the model", printer));
     RETURN_IF_ERROR(CompareDrawn(first, second, printer));
+    RETURN_IF_ERROR(CompareRawImages(first, second, printer));
   }
   RETURN_IF_ERROR(CompareRecords(first, second, options.masks_only, printer));
   if (all) RETURN_IF_ERROR(CompareFurtherVariants(first, second, options, printer));
@@ -233,9 +255,11 @@ void AddDiff(CLI::App& app, Work& work) {
   command.add_flag(
       "--masks-only", options.masks_only,
       "Ignore capture times, joint values, reference images, calibration, the model's\n"
-      "verification, what images are drawn from, and which are suspect");
+      "verification, what images are drawn from, which are suspect, and raw images");
   AddFormatOption(command, options.format);
   command.footer(
+      "Of raw images it compares which there are, not their pixels. The visits to the control\n"
+      "configurations are not compared.\n"
       "Example:\n  silhouette-db diff --masks-only monday.lmdb tuesday.lmdb\n"
       "  silhouette-db diff --masks-only cell.lmdb cell.lmdb --second-variant gripper-open");
 }

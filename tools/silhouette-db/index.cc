@@ -24,14 +24,16 @@ struct IndexOptions : DatabaseOptions {
   bool all = false;
 };
 
-absl::StatusOr<IndexBuildReport> BuildWithProgress(Database& database, bool all) {
+absl::StatusOr<IndexBuildReport> BuildWithProgress(Database& database,
+                                                   const IndexOptions& options) {
   std::optional<Progress> progress;
-  return BuildCollisionIndex(database, {.all = all, .progress = [&](uint64_t done, uint64_t tiles) {
-                                          if (!progress)
-                                            progress.emplace("collision index", tiles, "tiles");
-                                          progress->Update(done);
-                                          return !StopRequested();
-                                        }});
+  const auto update = [&](uint64_t done, uint64_t tiles) {
+    if (!progress) progress.emplace("collision index", tiles, "tiles");
+    progress->Update(done);
+    return !StopRequested();
+  };
+  return BuildCollisionIndex(
+      database, {.all = options.all, .only_variant = !options.variant.empty(), .progress = update});
 }
 
 void PrintReport(const IndexOptions& options, const IndexBuildReport& report,
@@ -78,7 +80,7 @@ absl::StatusOr<ExitCode> Index(const IndexOptions& options) {
   }
   CatchStopSignals();
   const absl::Time started = absl::Now();
-  ASSIGN_OR_RETURN(const auto report, BuildWithProgress(*database, options.all));
+  ASSIGN_OR_RETURN(const auto report, BuildWithProgress(*database, options));
   PrintReport(options, report, absl::Now() - started);
   if (!report.stopped) return kDone;
   std::cout << std::flush;

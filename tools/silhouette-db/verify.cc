@@ -34,6 +34,7 @@ struct Findings {
   uint64_t captured = 0;
   uint64_t excluded = 0;
   uint64_t damaged = 0;
+  uint64_t foreign = 0;  // of these: of tiles that a shard does not have
   uint64_t missing = 0;
   uint64_t elsewhere = 0;  // captured with a fixed joint elsewhere
   uint64_t suspect = 0;    // captured while the cell may have changed
@@ -173,6 +174,7 @@ absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
   const ConfigurationGrid& grid = database.grid();
   ASSIGN_OR_RETURN(const auto history, index.snapshot().CaptureHistory());
   const SuspectSpans suspects(history);
+  ASSIGN_OR_RETURN(const auto drawn, index.snapshot().DrawnImages());
   MotionCheck motion;
   Progress progress("verify", index.snapshot().size(), "records");
   IndexCheck index_check(index);
@@ -190,6 +192,7 @@ absl::Status ReadRecords(const Database& database, const CollisionIndex& index,
       if (!image->excluded && suspects.Contain(image->captured)) ++findings.suspect;
       if (ShowsNoRobot(*image)) without_robot.push_back(number);
     }
+    if (drawn && !HasTile(*drawn, number / kTileSize)) ++findings.foreign;
     index_check.Take(number, image);
     progress.Update(++done);
     return !StopRequested();
@@ -267,7 +270,12 @@ absl::Status CheckCompleteness(const Database& database, const Snapshot& snapsho
     if (when_served) return absl::OkStatus();
   }
   const uint64_t wanted = drawn ? ConfigurationsOf(*drawn, grid) : grid.size();
-  findings.missing = wanted - std::min(records, wanted);
+  findings.missing = wanted - std::min(records - findings.foreign, wanted);
+  if (findings.foreign > 0) {
+    findings.faults.push_back(
+        absl::StrCat(findings.foreign, " records are of tiles of other shards than this one, ",
+                     NameOfShard(*drawn), "; draw it again into a new database"));
+  }
   if (findings.missing == 0 || allow_missing) return absl::OkStatus();
   if (records == 0 && !drawn) {
     findings.faults.push_back(absl::StrCat(

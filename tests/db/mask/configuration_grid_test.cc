@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <numeric>
 #include <random>
@@ -227,6 +228,20 @@ TEST(ConfigurationGrid, WrapsAContinuousJointByWholeTurns) {
   EXPECT_NEAR(grid.At(GridIndex{7})[0], std::numbers::pi - kTurn / 8, 1e-12);
 }
 
+TEST(ConfigurationGrid, HasAPlaceForEveryValueNextToTheEndOfATurn) {
+  for (int steps = 3; steps < 60; ++steps) {
+    const ConfigurationGrid grid({{"turn", -std::numbers::pi, std::numbers::pi, steps, true}});
+    for (int turn = -1; turn < 2; ++turn) {
+      double value = -std::numbers::pi + (steps * (turn + 1) - 1e-6) * grid.joints()[0].step();
+      for (int i = 0; i < 100; ++i) value = std::nextafter(value, -99);
+      for (int i = 0; i < 200; ++i, value = std::nextafter(value, 99)) {
+        ASSERT_LT(grid.Place(0, value), steps) << value;
+        ASSERT_GT(grid.CornersAround(std::vector{value}).count(), 0) << value;
+      }
+    }
+  }
+}
+
 // A double of that size does not say where in its turn the joint is.
 TEST(ConfigurationGrid, HasNoPlaceForAContinuousJointABillionStepsAway) {
   const ConfigurationGrid grid({{"turn", -std::numbers::pi, std::numbers::pi, 8, true}});
@@ -298,6 +313,12 @@ TEST(ConfigurationGrid, TellsWhatIsWrongWithItsJoints) {
   std::vector<GridJoint> many;
   for (const char* name : {"a", "b", "c", "d"}) many.push_back({name, 0, 1, 2000, false});
   EXPECT_THAT(Refusal(many), HasSubstr("more than 2^40 configurations"));
+  // Products that are 0 modulo 2^64, and sums beyond an int.
+  EXPECT_THAT(
+      Refusal(
+          {{"a", 0, 1, 1 << 20, false}, {"b", 0, 1, 1 << 20, false}, {"c", 0, 1, 1 << 24, false}}),
+      HasSubstr("more than 2^40 configurations"));
+  EXPECT_EQ(Refusal({{"a", 0, 1, std::numeric_limits<int>::max(), false}}), "none");
   EXPECT_THAT(Refusal({good}, {2048}), HasSubstr("with product 4096"));
   EXPECT_THAT(Refusal({good}, {64, 64}), HasSubstr("one tile edge per joint"));
   GridJoint other = good;

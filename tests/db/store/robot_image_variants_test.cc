@@ -241,6 +241,13 @@ TEST_F(Variants, HaveACollisionIndexEach) {
   ExpectIndexHoldsTheRobotImages(*variant_);
 }
 
+TEST_F(Variants, IndexIsBuiltOfTheDefaultVariantOnlyWhereAskedTo) {
+  Fill(6, 5);
+  EXPECT_EQ(BuildIndex(*database_, {.only_variant = true}).built, 1);
+  EXPECT_EQ(OpenIndex(*database_)->State(0), TileState::kFresh);
+  EXPECT_EQ(OpenIndex(*variant_)->State(0), TileState::kMissing);
+}
+
 // Earlier programs coded another variant's index by its differences from the default variant's.
 TEST_F(Variants, IndexInAnEarlierFormIsStaleAndIsBuiltAgain) {
   Fill(6, 5);
@@ -319,6 +326,15 @@ TEST_F(Variants, AreRemovedWithWhatIsTheirOwn) {
   variant_ = MakeVariant(*database_);
   EXPECT_TRUE(ContentOf(*variant_).empty());
   EXPECT_TRUE(OpenIndex(*variant_)->Tiles().empty());
+}
+
+TEST_F(Variants, ThatWereMadeAndRemovedDoNotFillADatabaseThatStaysOpen) {
+  for (int i = 0; i < 60; ++i) {
+    const std::string name = absl::StrCat("tool-", i);
+    PutAll(*MakeVariant(*database_, name), {TestImage(*database_, 1)});
+    ASSERT_TRUE(BuildCollisionIndex(*database_->OpenVariant(name).value()).ok()) << name;
+    ASSERT_TRUE(database_->RemoveVariant(name, "test").ok()) << name;
+  }
 }
 
 TEST_F(Variants, ShareReferencesAndOneGeneration) {

@@ -9,6 +9,8 @@
 #include <fstream>
 
 #include "db/store/collision_index.h"
+#include "db/store/tile_value.h"
+#include "tests/db/store/raw_values.h"
 #include "tests/db/store/test_cell.h"
 
 namespace silhouette {
@@ -249,6 +251,16 @@ TEST_F(ShardsTest, ShardWithRecordsOfOthersIsRefused) {
 TEST_F(ShardsTest, ShardWithoutItsIndexIsRefused) {
   ExpectRefused(Merge({Draw(DrawnOf(0, 2), "a"), Draw(DrawnOf(1, 2), "b", std::nullopt, false)}),
                 "has no collision index of tile 1");
+}
+
+TEST_F(ShardsTest, ShardWithAnIndexInAnEarlierFormIsRefused) {
+  const std::vector<std::string> shards = DrawShards(2);
+  PutRaw(shards[1], schema::kCollisionIndex, 1, 1, [](const std::string& value) {
+    TileHeader header = *TileHeaderIn(value);
+    header.coding = 1;
+    return EncodeTileValue(1, header, TileIndexIn(value), 4096);
+  });
+  ExpectRefused(Merge(shards), "has no collision index of tile 1");
 }
 
 TEST_F(ShardsTest, CapturedImagesAreNoShards) {

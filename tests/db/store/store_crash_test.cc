@@ -302,6 +302,32 @@ TEST(Database, CompactedAgainAfterThatWasInterruptedAtAnyPage) {
   }
 }
 
+TEST(Database, IsCopiedByOneProcessAtATimeToAFolder) {
+  const auto database = MakeFilledDatabase(1, TestCell());
+  const std::string from = database->path();
+  const std::string path = FreshFolder() / "copy";
+  const pid_t child = fork();
+  if (child == 0) {  // stops in the middle of its copy
+    signal(SIGXFSZ, [](int) { kill(getpid(), SIGSTOP); });
+    const rlimit limit{.rlim_cur = 4096, .rlim_max = 4096};
+    const auto opened = Database::Open(from, Access::kRead);
+    setrlimit(RLIMIT_FSIZE, &limit);
+    if (opened.ok()) (*opened)->Compact(path).IgnoreError();
+    _exit(0);
+  }
+  int state = 0;
+  ASSERT_EQ(waitpid(child, &state, WUNTRACED), child);
+  ASSERT_TRUE(WIFSTOPPED(state));
+  const absl::Status second = database->Compact(path);
+  EXPECT_EQ(second.code(), absl::StatusCode::kFailedPrecondition) << second;
+  EXPECT_THAT(second.message(),
+              HasSubstr(absl::StrCat("another process (pid ", child, ") is writing to it")));
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  EXPECT_TRUE(database->Compact(path).ok());
+  EXPECT_EQ(ContentOf(**Database::Open(path, Access::kRead)), ContentOf(*database));
+}
+
 TEST_F(FullDisk, KeepsTheBatchAndWhatWasCommitted) {
   const auto database = Database::Create(disk_ + "/db", TestCell(64, 64));
   ASSERT_TRUE(database.ok()) << database.status();

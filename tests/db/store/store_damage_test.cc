@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <iostream>
@@ -337,6 +338,61 @@ TEST(Database, MetaPagesThatAreWrittenWhileTheyAreReadAreNoFault) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   while (!written) ASSERT_TRUE(CheckMetaPages(file, path).ok());
   close(file);
+}
+
+TEST(Database, MetaPageThatIsOverwrittenWhileItsPagesAreCheckedIsNoFault) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeFullDatabase(folder / "db");
+  const std::string path = folder / "db/data.mdb";
+  const auto transaction_in = [](const std::string& bytes, size_t page) {
+    uint64_t transaction = 0;
+    std::memcpy(&transaction, bytes.data() + page * 4096 + 144, sizeof(transaction));
+    return transaction;
+  };
+  std::string before;
+  {
+    const auto database = Database::Open(folder / "db", Access::kWrite);
+    for (uint64_t seed = 1; seed < 6; ++seed) {  // many free pages
+      std::vector<RobotImage> images;
+      for (const ConfigurationNumber number : AllNumbers((*database)->grid())) {
+        images.push_back(TestImage(**database, number, seed));
+      }
+      PutAll(**database, images, true);
+    }
+    const auto kept = (*database)->Read();  // no page of this state is used again
+    before = ReadFile(path);
+    for (int i = 0; i < 2; ++i) ASSERT_TRUE((*database)->SetCaptureHistory({}).ok());
+  }
+  const std::string after = ReadFile(path);
+  const size_t page = transaction_in(before, 0) > transaction_in(before, 1) ? 0 : 1;
+  const uint64_t transaction = transaction_in(before, page);
+  ASSERT_EQ(transaction_in(after, page), transaction + 2);
+  const int file = open(path.c_str(), O_RDWR | O_CLOEXEC);
+  const auto put_meta = [&](const std::string& bytes) {
+    const auto at = static_cast<off_t>(page * 4096);
+    EXPECT_EQ(pwrite(file, bytes.data() + at, 4096, at), 4096);
+  };
+  int sound = 0;
+  for (int round = 0; round < 1000; ++round) {
+    put_meta(before);
+    std::atomic<bool> ready = false;
+    std::atomic<bool> begun = false;
+    std::jthread writer([&] {
+      ready = true;
+      while (!begun) std::this_thread::yield();
+      const auto until = std::chrono::steady_clock::now() + std::chrono::microseconds(round % 100);
+      while (std::chrono::steady_clock::now() < until) continue;
+      put_meta(after);
+    });
+    while (!ready) std::this_thread::yield();
+    begun = true;
+    const absl::Status status = CheckPages(file, path, transaction);
+    writer.join();
+    sound += status.ok() ? 1 : 0;
+    ASSERT_TRUE(status.ok() || absl::IsUnavailable(status)) << round << ": " << status;
+  }
+  close(file);
+  EXPECT_GT(sound, 0);
 }
 
 TEST(Database, WithADamagedDescriptionIsRefused) {

@@ -325,6 +325,11 @@ TEST_F(CalibrationProgram, ShowDrawsTheBandsOfPixels) {
   EXPECT_THAT(refusal("--number 4095"), HasSubstr("configuration 4095 has no robot images"));
   EXPECT_THAT(refusal("--pixel 1,1 --pixel 1,2 --pixel 1,3 --pixel 1,4 --pixel 1,5"),
               HasSubstr("at most 4 pixels"));
+  for (const std::string option : {"--view top", "--pixel 3,4", "--number 0"}) {
+    const Ended outcome = Run("show db " + option);
+    EXPECT_EQ(outcome.exit_code, 2) << option;
+    EXPECT_THAT(outcome.err, HasSubstr("requires --picture")) << option;
+  }
 }
 
 TEST_F(CalibrationProgram, RemovedItIsGone) {

@@ -22,7 +22,7 @@ using testing::HasSubstr;
 
 class SilhouetteDbExchange : public SilhouetteDb {};
 
-TEST_F(SilhouetteDbExchange, ExportAndImportLoseNothing) {
+TEST_F(SilhouetteDbExchange, ExportAndImportKeepAllButRawImages) {
   MakeDatabase("db", 0, {3});
   Write("cell.yaml", kTestCellFile);
   EXPECT_EQ(Run("export db out").exit_code, 0);
@@ -32,6 +32,23 @@ TEST_F(SilhouetteDbExchange, ExportAndImportLoseNothing) {
   const Ended same = Run("diff db copy");
   EXPECT_EQ(same.exit_code, 0) << same.out;
   EXPECT_THAT(Run("export db out").err, HasSubstr("folder 'out' is not empty"));
+
+  {
+    const auto database = Database::Open(folder_ / "db", Database::Access::kWrite);
+    auto writer = (*database)->Write("test");
+    std::optional<RobotImage> captured;
+    const auto visit = [&](ConfigurationNumber, absl::StatusOr<RobotImage> image) {
+      captured = *std::move(image);
+      return captured->excluded;
+    };
+    ASSERT_TRUE((*database)->Read()->ForEach(visit).ok());
+    ASSERT_TRUE(writer->Put(*captured, /*replace=*/true, {"a", "b"}).ok());
+    ASSERT_TRUE(writer->Commit().ok());
+  }
+  const Ended without = Run("diff db copy");
+  EXPECT_EQ(without.exit_code, 1);
+  EXPECT_EQ(without.out, "raw images of 1 configuration: only in the first\n");
+  EXPECT_EQ(Run("diff --masks-only db copy").exit_code, 0);
 }
 
 TEST_F(SilhouetteDbExchange, ScriptsReadWhatWasExportedImportedAndCompacted) {

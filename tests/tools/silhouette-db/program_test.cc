@@ -246,6 +246,33 @@ TEST_F(SilhouetteDb, VerifyMissesOfAShardOnlyItsOwnConfigurations) {
   EXPECT_THAT(outcome.out, HasSubstr("0 missing: sound"));
 }
 
+TEST_F(SilhouetteDb, VerifyCountsNoRecordsOfOtherShards) {
+  const auto database = Database::Create(folder_ / "db", TestCell(90, 130)).value();
+  storage::v1::DrawnImages shard;
+  shard.set_digest("00ff");
+  shard.set_shards(2);
+  shard.set_shard(1);
+  ASSERT_TRUE(database->SetDrawnImages(shard, "test").ok());
+  auto writer = database->Write("test");
+  uint64_t foreign = 0;
+  uint64_t own = 0;
+  for (const ConfigurationNumber number : AllNumbers(database->grid())) {
+    // Ten of its own are left out, and ten of the other shard are there.
+    uint64_t& count = HasTile(shard, number / kTileSize) ? own : foreign;
+    if ((++count <= 10) == (&count == &own)) continue;
+    RobotImage image;
+    image.number = number;
+    image.excluded = true;
+    ASSERT_TRUE(writer->Put(image).ok());
+  }
+  ASSERT_TRUE(writer->Commit().ok());
+  const Ended outcome = Run("verify db");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_THAT(outcome.out,
+              AllOf(HasSubstr(absl::StrCat("10 of ", own, " configurations are missing")),
+                    HasSubstr("10 records are of tiles of other shards than this one, 1 of 2")));
+}
+
 TEST_F(SilhouetteDb, VerifyTellsEachFaultInALine) {
   MakeDatabase("db", 0, {3, 7});
   Ended outcome = Run("verify db");
