@@ -116,12 +116,13 @@ Separation SeparationFrom(const v1::Separation& message, RunningClock::time_poin
 }  // namespace
 
 v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
-                                Clearance clearance,
+                                Clearance clearance, std::optional<double> resolution,
                                 const std::optional<SeparationPolicy>& separation) {
   v1::CheckPathRequest request;
   for (const Configuration& q : waypoints) *request.add_waypoints() = ToMessage(q);
   *request.mutable_policy() = ToMessage(policy);
   request.set_include_clearance(clearance == Clearance::kMeasure);
+  if (resolution) request.set_path_resolution(*resolution);
   if (separation) Write(*separation, *request.mutable_separation());
   return request;
 }
@@ -212,6 +213,13 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
   return check;
 }
 
+void MakeUnknown(PathCheck& check, Reason reason) {
+  check = {.basis = std::move(check.basis),
+           .verdict = {.reason = reason},
+           .configuration = {},
+           .separation = std::move(check.separation)};
+}
+
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
                                 ServerClock& clock, const v1::Separation& separation) {
   const RunningClock::time_point received = RunningClock::now();
@@ -262,10 +270,9 @@ void DropIfExpired(NumberChecks& checks) {
 }
 
 void DropIfExpired(PathCheck& check) {
-  if (!DropIfExpired(check.basis)) return;
-  Outdate(check.verdict);
-  check.proof = PathProof::kNone;
-  check.narrowest.reset();
+  const bool expired = DropIfExpired(check.basis);
+  // What is unknown already keeps its reason and place.
+  if (expired && check.verdict.state != State::kUnknown) MakeUnknown(check, Reason::kAnswerLate);
 }
 
 void DropIfExpired(Explanation& explanation) {

@@ -19,7 +19,7 @@ v1::CheckConfigurationsRequest QuestionOf(std::span<const Configuration> configu
                                           const Policy& policy, Evidence evidence,
                                           Clearance clearance);
 v1::CheckPathRequest QuestionOf(std::span<const Configuration> waypoints, const Policy& policy,
-                                Clearance clearance,
+                                Clearance clearance, std::optional<double> resolution,
                                 const std::optional<SeparationPolicy>& separation = std::nullopt);
 
 // `address`: of the server, for errors; `asked`: as Basis::asked. Internal if the answer
@@ -40,6 +40,9 @@ absl::StatusOr<PathCheck> AnswerFrom(const v1::CheckPathResponse& response, Clea
 // server worked.
 RunningClock::time_point MadeAt(const v1::Basis& basis, RunningClock::time_point asked,
                                 ServerClock& clock, const v1::Separation& separation = {});
+
+// Makes the verdict unknown for this reason, with no place and no proof. Basis and separation stay.
+void MakeUnknown(PathCheck& check, Reason reason);
 
 // Whether an answer expired before it came; then its basis says so, and all verdicts of it become
 // unknown, kAnswerLate.

@@ -253,11 +253,12 @@ absl::Status CheckStream::Send(uint64_t id, std::span<const Configuration> confi
 }
 
 absl::Status CheckStream::SendPath(uint64_t id, std::span<const Configuration> waypoints,
-                                   const Policy& policy, Clearance clearance) {
+                                   const Policy& policy, Clearance clearance,
+                                   std::optional<double> resolution) {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
   v1::StreamChecksRequest question;
   question.set_id(id);
-  *question.mutable_path() = QuestionOf(waypoints, policy, clearance);
+  *question.mutable_path() = QuestionOf(waypoints, policy, clearance, resolution);
   return impl_->Send(std::move(question));
 }
 

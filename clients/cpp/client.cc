@@ -229,9 +229,8 @@ absl::StatusOr<PathCheck> Client::CheckPath(
     std::span<const Configuration> waypoints, const Policy& policy, Clearance clearance,
     std::optional<double> resolution, const std::optional<SeparationPolicy>& separation) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
+  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, resolution, separation);
   request.set_variant(variant_);
-  if (resolution) request.set_path_resolution(*resolution);
   const auto response = Ask(connection_, &v1::CollisionService::Stub::CheckPath, request, timeout_);
   if (!response.ok()) return response.status();
   if (separation && !response->message.has_separation()) return NoSeparation(address());
@@ -327,9 +326,11 @@ absl::StatusOr<v1::Scene> Client::PublishScene(
                      "the capture, such as that before the cameras are triggered"));
   }
   const auto publish = [&]() -> absl::StatusOr<v1::PublishSceneResponse> {
-    const absl::Status status = unstamped.empty() ? AskCell(*connection_, timeout_)
-                                                  : publishing_clock_->Stamp(*taken, unstamped);
-    if (!status.ok()) return status;
+    if (!unstamped.empty()) {
+      const absl::Status stamped = publishing_clock_->Stamp(*taken, unstamped);
+      if (!stamped.ok()) return stamped;
+    }
+    if (absl::Status same = AskCell(*connection_, timeout_); !same.ok()) return same;
     return connection_->Call(&v1::SceneService::Stub::PublishScene, scene, timeout_);
   };
   absl::StatusOr<v1::PublishSceneResponse> response = publish();

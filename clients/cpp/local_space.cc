@@ -38,6 +38,7 @@ Reason ReasonOfEnd(const absl::Status& end) {
     case absl::StatusCode::kNotFound:
     case absl::StatusCode::kOutOfRange:
     case absl::StatusCode::kPermissionDenied:
+    case absl::StatusCode::kResourceExhausted:
     case absl::StatusCode::kUnauthenticated:
     case absl::StatusCode::kUnimplemented:
       return Reason::kRefused;

@@ -39,10 +39,7 @@ bool Expire(PathCheck& check) {
     check.separation = Separation{.unknown_reason = Reason::kUpdateExpired};
   }
   if (check.verdict.free() && now >= check.basis.valid_until) {
-    check.verdict = {.reason = Reason::kUpdateExpired};
-    check.proof = PathProof::kNone;
-    check.configuration.clear();
-    check.narrowest.reset();
+    MakeUnknown(check, Reason::kUpdateExpired);
   }
   return true;
 }
@@ -170,9 +167,9 @@ void PathWatch::Cancel() { impl_->Cancel(); }
 
 absl::StatusOr<PathWatch> Client::WatchPath(
     std::span<const Configuration> waypoints, const Policy& policy, Clearance clearance,
-    const std::optional<SeparationPolicy>& separation) const {
+    std::optional<double> resolution, const std::optional<SeparationPolicy>& separation) const {
   if (waypoints.empty()) return absl::InvalidArgumentError("a path has at least one waypoint");
-  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, separation);
+  v1::CheckPathRequest request = QuestionOf(waypoints, policy, clearance, resolution, separation);
   request.set_variant(variant_);
   return PathWatch(
       std::make_unique<PathWatch::Impl>(connection_, timeout_, std::move(request), clearance));

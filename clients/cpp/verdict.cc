@@ -43,7 +43,9 @@ Words WordsFor(Reason reason) {
     case Reason::kExcluded:
       return {"excluded", "the configuration lies in a region the robot must never enter"};
     case Reason::kRobotImageCorrupt:
-      return {"robot image corrupt", "the robot image fails its checksum: capture it again"};
+      return {"robot image corrupt",
+              "the robot image fails its checksum or shows the robot in no view: capture it again; "
+              "if no camera can see the robot there, forbid the region"};
     case Reason::kGenerationMismatch:
       return {"generation mismatch",
               "the scene was made with another generation of the database: publish a new one"};
@@ -133,7 +135,7 @@ Words WordsFor(Reason reason) {
     case Reason::kRefused:
       return {
           "refused",
-          "the server refuses what is asked; if it is the subscription, the status of LocalSpace "
+          "the server refuses what is asked, or one of its limits does; of a LocalSpace the status "
           "says why"};
     case Reason::kAnswerLate:
       return {

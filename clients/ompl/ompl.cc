@@ -174,16 +174,23 @@ ob::PlannerTerminationCondition UntilSceneChanges(const LocalSpace& space,
                                                   std::vector<Configuration> needed) {
   // The newest snapshot that was looked at.
   auto seen = std::make_shared<std::atomic<uint64_t>>(snapshot->number());
-  return ob::PlannerTerminationCondition(
-      [&space, snapshot = std::move(snapshot), needed = std::move(needed), seen] {
-        if (snapshot->unknown_reason()) return true;
-        const auto newest = space.Snapshot();
-        if (newest->number() == seen->load()) return false;
-        const bool free = std::ranges::all_of(
-            needed, [&](const Configuration& q) { return newest->Check(q).free(); });
-        if (free) seen->store(newest->number());
-        return !free;
-      });
+  auto ended = std::make_shared<std::atomic<bool>>(false);
+  return ob::PlannerTerminationCondition([&space, snapshot = std::move(snapshot),
+                                          needed = std::move(needed), seen, ended] {
+    if (*ended || snapshot->unknown_reason()) return true;
+    const auto newest = space.Snapshot();
+    if (newest->number() == seen->load()) return false;
+    const bool free =
+        !newest->unknown_reason() && std::ranges::all_of(needed, [&space](const Configuration& q) {
+          return space.CheckMotionOrAsk(q, q).free();
+        });
+    if (free) {
+      seen->store(newest->number());
+    } else {
+      ended->store(true);
+    }
+    return !free;
+  });
 }
 
 ob::OptimizationObjectivePtr MakeClearanceObjective(

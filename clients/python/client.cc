@@ -293,14 +293,14 @@ void BindChecksOf(py::class_<Client>& type) {
           "0.0005 to 0.1; None: 0.005.")
       .def(
           "watch_path",
-          [](const Client& at, const Doubles& waypoints, const Policy& policy, bool clearance) {
+          [](const Client& at, const Doubles& waypoints, const Policy& policy, bool clearance,
+             std::optional<double> resolution) {
             const auto rows = RowsOf(waypoints, "waypoints");
-            return Ask([&] { return at.WatchPath(rows, policy, Measured(clearance)); });
+            return Ask([&] { return at.WatchPath(rows, policy, Measured(clearance), resolution); });
           },
           py::arg("waypoints"), py::kw_only(), py::arg("policy") = Policy(),
-          py::arg("clearance") = false,
-          "The same, answered again with every scene.\n\nwaypoints: (n, d) float64, radians or "
-          "metres.")
+          py::arg("clearance") = false, py::arg("resolution") = py::none(),
+          "The same, answered again with every scene.\n\nwaypoints, resolution: as of check_path.")
       .def(
           "configuration_space",
           [](const Client& at, const Policy& policy, const std::vector<uint64_t>& tiles,

@@ -85,7 +85,14 @@ absl::Status Recording::Take(const McapReader::Message& message) {
   const std::string& type = message.channel->schema_name;
   const std::string& topic = message.channel->topic;
   // Times of a file do not step back; those of a damaged clock are those of the message before.
-  const absl::Time time = std::max(message.logged, summary_.end);
+  absl::Time time = std::max(message.logged, summary_.end);
+  const bool standing =
+      type == "silhouette.v1.ServedState" || type == "silhouette.v1.GetDatabaseResponse";
+  // A scene, and the state and database written before it, are in a later millisecond than the
+  // scene before.
+  if ((standing || type == "silhouette.v1.Scene") && !scenes_.empty()) {
+    time = std::max(time, scenes_.back().time + absl::Milliseconds(1));
+  }
   if (message.after_damage) gaps_.emplace_back(summary_.end, time);
   const Entry entry{.time = time, .place = message.place, .gaps = gaps_.size()};
   if (type == "silhouette.v1.GetDatabaseResponse") {

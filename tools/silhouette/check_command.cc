@@ -187,6 +187,8 @@ void PrintAnswers(const Session& session, client::CheckStream& stream, Asked& as
     if (absl::IsOutOfRange(answer.status())) outcome.status = absl::OkStatus();
     if (!answer.ok()) return;
     if (!outcome.status.ok()) {
+      outcome.status = absl::Status(outcome.status.code(),
+                                    absl::StrCat("-:", answer->id, ": ", outcome.status.message()));
       stream.Cancel();
       return;
     }

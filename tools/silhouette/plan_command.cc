@@ -229,11 +229,13 @@ absl::StatusOr<ExitCode> PlanAndPrint(const Session& session, const PlanArgument
 
 // However it ends, no path of an earlier plan is left in the file. A pipe holds none.
 absl::StatusOr<ExitCode> PlanPath(const Session& session, const PlanArguments& arguments) {
-  const bool is_file =
-      !std::filesystem::exists(arguments.out) || std::filesystem::is_regular_file(arguments.out);
-  if (!arguments.out.empty() && is_file) {
+  std::error_code ignored;
+  if (!arguments.out.empty() && !std::filesystem::is_other(arguments.out, ignored)) {
     const Json path = PathFileOf({}, "planning did not end, or ended with an error", {}, {});
-    RETURN_IF_ERROR(WriteWholeFile(arguments.out, path.dump(2) + "\n"));
+    const absl::Status written = WriteWholeFile(arguments.out, path.dump(2) + "\n");
+    // A full disk, on which the file stays as it was, lets it be emptied.
+    if (!written.ok()) std::filesystem::resize_file(arguments.out, 0, ignored);
+    RETURN_IF_ERROR(written);
   }
   return PlanAndPrint(session, arguments);
 }

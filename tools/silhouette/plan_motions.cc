@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/silhouette/plan_motions.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 #include <vector>
@@ -27,6 +28,35 @@ struct MotionPlan {
   bool found() const { return check && check->verdict.free(); }
 };
 
+// Whether a defect of the scene, or its absence, is the reason: the start may be unknown, too.
+bool ConcernsTheScene(const client::PathCheck& check) {
+  return std::ranges::any_of(check.basis.defects, [&](const client::Defect& defect) {
+    return defect.reason == check.verdict.reason;
+  });
+}
+
+// Fills in plan.search. Without waypoints where start or goal became unknown meanwhile; plan.ends
+// says so then.
+absl::Status SearchByTrees(const Session& session, const Client& client,
+                           const std::vector<GridJoint>& joints, const Configuration& start,
+                           const Configuration& goal, MotionPlan& plan) {
+  const auto is_free = [&](const Configuration& from,
+                           const Configuration& to) -> absl::StatusOr<bool> {
+    ++plan.search.checks;
+    const std::vector<Configuration> motion = {from, to};
+    ASSIGN_OR_RETURN(const auto check, client.CheckPath(motion, session.policy));
+    if (ConcernsTheScene(check)) {
+      ASSIGN_OR_RETURN(plan.ends, client.CheckConfigurations({start, goal}, session.policy));
+    }
+    return check.verdict.free();
+  };
+  const auto ended = [&] { return StopRequested() || !plan.ends.AllFree(); };
+  auto search = SearchJoints(joints, start, goal, {}, is_free, ended);
+  if (!plan.ends.AllFree()) return absl::OkStatus();
+  ASSIGN_OR_RETURN(plan.search, std::move(search));
+  return absl::OkStatus();
+}
+
 absl::StatusOr<MotionPlan> FindByMotions(const Session& session, const Client& client,
                                          const std::string& planner,
                                          const std::vector<GridJoint>& joints,
@@ -34,16 +64,10 @@ absl::StatusOr<MotionPlan> FindByMotions(const Session& session, const Client& c
   MotionPlan plan;
   plan.planner = planner;
   ASSIGN_OR_RETURN(plan.ends, client.CheckConfigurations({start, goal}, session.policy));
-  if (!plan.ends.verdicts[0].free() || !plan.ends.verdicts[1].free()) return plan;
-  const auto is_free = [&](const Configuration& from,
-                           const Configuration& to) -> absl::StatusOr<bool> {
-    const std::vector<Configuration> motion = {from, to};
-    ASSIGN_OR_RETURN(const auto check, client.CheckPath(motion, session.policy));
-    return check.verdict.free();
-  };
+  if (!plan.ends.AllFree()) return plan;
   const auto begin = std::chrono::steady_clock::now();
   if (planner == "trees") {
-    ASSIGN_OR_RETURN(plan.search, SearchJoints(joints, start, goal, {}, is_free, StopRequested));
+    RETURN_IF_ERROR(SearchByTrees(session, client, joints, start, goal, plan));
   } else {
     ASSIGN_OR_RETURN(plan.search.waypoints, SearchByOmpl(session, client, planner, start, goal));
   }
@@ -86,8 +110,10 @@ std::string BlockedEnd(const std::string& end, const client::Verdict& verdict,
 }
 
 std::string BlockedPath(const client::PathCheck& check) {
-  return absl::StrCat("the path found is not free at ", Spoken(check.configuration), ": ",
-                      Spoken(check.verdict, check.basis), "; has the scene changed? plan again");
+  const std::string at =
+      check.configuration.empty() ? "" : absl::StrCat(" at ", Spoken(check.configuration));
+  return absl::StrCat("the path found is not free", at, ": ", Spoken(check.verdict, check.basis),
+                      "; has the scene changed? plan again");
 }
 
 Json PathFileOf(std::span<const GridJoint> joints, const std::string& outcome,

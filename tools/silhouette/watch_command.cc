@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette watch
+#include <functional>
 #include <iostream>
 #include <memory>
 #include <optional>
@@ -26,6 +27,7 @@ constexpr absl::Duration kBetweenAttempts = absl::Seconds(1);
 
 struct WatchArguments {
   PathArguments path;
+  std::optional<double> resolution;       // of a path
   std::optional<absl::Duration> max_age;  // nothing: the server's alone
   int count = 0;                          // 0: no end
   bool no_retry = false;
@@ -129,10 +131,10 @@ absl::StatusOr<ExitCode> WatchSpace(const Session& session, const Client& client
 // One call, until it ends: why it ended, OK if nothing more is wanted.
 absl::Status WatchPathOnce(const Session& session, const Client& client,
                            const std::vector<Configuration>& waypoints,
-                           const std::optional<client::SeparationPolicy>& separation,
-                           Lines& lines) {
+                           const WatchArguments& arguments, Lines& lines) {
   ASSIGN_OR_RETURN(auto watch,
-                   client.WatchPath(waypoints, session.policy, session.clearance, separation));
+                   client.WatchPath(waypoints, session.policy, session.clearance,
+                                    arguments.resolution, SeparationOf(arguments.path)));
   while (!lines.End()) {
     const absl::StatusOr<client::PathUpdate> update = watch.Next(kLook);
     if (absl::IsDeadlineExceeded(update.status())) continue;
@@ -150,24 +152,43 @@ absl::Status WatchPathOnce(const Session& session, const Client& client,
   return absl::OkStatus();
 }
 
-absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
-                                   const WatchArguments& arguments, Lines& lines) {
-  ASSIGN_OR_RETURN(const auto waypoints,
-                   WaypointsOf(session, arguments.path, [&] { return client.GetDatabase(); }));
-  while (!lines.End()) {
-    const absl::Status ended =
-        WatchPathOnce(session, client, waypoints, SeparationOf(arguments.path), lines);
-    if (ended.ok()) break;
-    if (IsHopeless(ended) || arguments.no_retry) return ended;
-    const client::Verdict lost{.reason = client::Reason::kConnectionLost};
+// Calls until that ends well, cannot, or is no longer wanted; between calls it says what is wrong.
+// Returns how the last call ended.
+absl::Status CallAgain(const Session& session, const WatchArguments& arguments, Lines& lines,
+                       const std::function<absl::Status()>& call) {
+  while (true) {
+    const absl::Status ended = call();
+    if (ended.ok() || IsHopeless(ended) || arguments.no_retry) return ended;
+    const client::Verdict lost{.reason = absl::IsResourceExhausted(ended)
+                                             ? client::Reason::kRefused
+                                             : client::Reason::kConnectionLost};
     Json json = JsonOf(lost, session.clearance);
     json["problem"] = std::string(ended.message());
     lines.PrintNews(lost.reason, absl::StrCat(Spoken(lost, {}), " (", ended.message(), ")"), json);
     for (absl::Duration waited; waited < kBetweenAttempts && !lines.End(); waited += kLook) {
       std::this_thread::sleep_for(absl::ToChronoMilliseconds(kLook));
     }
+    if (lines.End()) return ended;
   }
-  return kDone;
+}
+
+absl::StatusOr<ExitCode> WatchPath(const Session& session, const Client& client,
+                                   const WatchArguments& arguments, Lines& lines) {
+  const auto database = [&] {
+    absl::StatusOr<v1::GetDatabaseResponse> answer;
+    CallAgain(session, arguments, lines, [&] {
+      answer = client.GetDatabase();
+      return answer.status();
+    }).IgnoreError();
+    return answer;
+  };
+  const auto waypoints = WaypointsOf(session, arguments.path, database);
+  const absl::Status ended =
+      !waypoints.ok() ? waypoints.status() : CallAgain(session, arguments, lines, [&] {
+        return WatchPathOnce(session, client, *waypoints, arguments, lines);
+      });
+  if (ended.ok() || lines.End()) return kDone;
+  return ended;
 }
 
 absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arguments) {
@@ -176,9 +197,11 @@ absl::StatusOr<ExitCode> Watch(const Session& session, const WatchArguments& arg
     return absl::InvalidArgumentError(
         "--max-age: not for a path, whose scenes may be as old as the server has it; leave it out");
   }
-  if (!path && (arguments.path.separation || session.clearance == client::Clearance::kMeasure)) {
+  if (!path && (arguments.path.separation || arguments.resolution ||
+                session.clearance == client::Clearance::kMeasure)) {
     return absl::InvalidArgumentError(
-        "--separation and --clearance are of a path; give its waypoints, or leave them out");
+        "--separation, --resolution and --clearance are of a path; give its waypoints, or leave "
+        "them out");
   }
   ASSIGN_OR_RETURN(const Client client, session.Connect());
   CatchStopSignals();
@@ -203,6 +226,7 @@ void AddWatchCommand(CLI::App& program, Session& session) {
   command->add_flag("--no-retry", arguments->no_retry,
                     "End with exit code 3 when the server is lost, instead of trying again");
   AddClearanceFlag(*command, session);
+  AddResolutionOption(*command, arguments->resolution);
   AddVerdictOptions(*command, session);
   command->footer(
       "Prints a line for each update; with --format json an object per line. Prints a line, too,\n"

@@ -103,7 +103,8 @@ struct PathCheck {
   // Free if the whole path is free. Otherwise the verdict at the first place that is not. Its
   // clearance, if requested, is the smallest along the path.
   Verdict verdict;
-  // That place: waypoint number, counted from 0, and fraction of the way to the next one.
+  // That place: waypoint number, counted from 0, and fraction of the way to the next one. Without a
+  // configuration: all is unknown.
   int segment = 0;
   double fraction = 0;
   Configuration configuration;

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "absl/status/status.h"
@@ -57,7 +58,8 @@ class CheckStream {
                 clearance);
   }
   absl::Status SendPath(uint64_t id, std::span<const Configuration> waypoints,
-                        const Policy& policy = {}, Clearance clearance = Clearance::kOmit);
+                        const Policy& policy = {}, Clearance clearance = Clearance::kOmit,
+                        std::optional<double> resolution = {});
 
   // Announces the end of the questions: Receive() ends after the last answer. To be called by the
   // sending thread.

@@ -123,7 +123,7 @@ class Client {
   // The same, answered again with every scene; needs a server that can.
   absl::StatusOr<PathWatch> WatchPath(
       std::span<const Configuration> waypoints, const Policy& policy = {},
-      Clearance clearance = Clearance::kOmit,
+      Clearance clearance = Clearance::kOmit, std::optional<double> resolution = {},
       const std::optional<SeparationPolicy>& separation = std::nullopt) const;
 
   // Checks over one call, without waiting for each answer; needs a server that can.
@@ -147,8 +147,8 @@ class Client {
   // show, whatever WithVariant says; empty: the default one, or InvalidArgument if WithVariant
   // named one. The returned scene may have defects. `taken`: an instant not later than the capture
   // of the images that state no time, for example that before the cameras were triggered. They get
-  // it as server_clock, by round trips, at most one a second: however long the request is under
-  // way, the server knows how old they are. Images with a capture_time or server_clock keep it.
+  // it as server_clock, by round trips: however long the request is under way, the server knows how
+  // old they are. Images with a capture_time or server_clock keep it.
   // InvalidArgument: an image has no time and `taken` is unset, or `taken` lies in the future.
   // FailedPrecondition: the server takes images itself, serves a newer scene, or has no reference
   // images to subtract from camera images. Aborted: the database was replaced meanwhile; publish

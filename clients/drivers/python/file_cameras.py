@@ -6,16 +6,18 @@ An example to begin a driver of your own with: replace the class FileCamera. In 
 
     source: {grpc: "127.0.0.1:50060"}
 
-    protoc -I proto --python_out=build/python --grpc_out=build/python \\
-        --plugin=protoc-gen-grpc=$(which grpc_python_plugin) proto/silhouette/v1/camera_driver.proto
+    mkdir -p build/python
+    protoc -I proto/silhouette/v1 --python_out=build/python --grpc_out=build/python \\
+        --plugin=protoc-gen-grpc=$(which grpc_python_plugin) camera_driver.proto
     PYTHONPATH=build/python /usr/bin/python3 file_cameras.py --size 640x480 top=top.png front=front.png
 """
 
 import argparse
 from concurrent import futures
 
+import camera_driver_pb2
+import camera_driver_pb2_grpc
 import grpc
-from silhouette.v1 import camera_driver_pb2, camera_driver_pb2_grpc
 
 
 class FileCamera:

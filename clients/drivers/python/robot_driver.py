@@ -22,7 +22,7 @@ import time
 
 import grpc
 
-PROTO = pathlib.Path(__file__).resolve().parents[3] / "proto"
+PROTO = pathlib.Path(__file__).resolve().parent / "../../../proto/silhouette/v1"
 
 
 class PretendArm:
@@ -79,19 +79,27 @@ class PretendArm:
 
 
 def load_service():
-    """The service's modules, made of its .proto by protoc (Debian: protobuf-compiler-grpc)."""
+    """The service's modules, made of its .proto by protoc (Debian: protobuf-compiler-grpc).
+
+    They are in no package: one named silhouette would clash with the Python client.
+    """
     try:
-        importlib.import_module("silhouette.v1.robot_driver_pb2_grpc")
+        importlib.import_module("robot_driver_pb2_grpc")
     except ImportError:
         folder = tempfile.mkdtemp(prefix="silhouette-")
-        subprocess.run(
-            ["protoc", f"-I{PROTO}", f"--python_out={folder}", f"--grpc_out={folder}",
-             "--plugin=protoc-gen-grpc=/usr/bin/grpc_python_plugin",
-             "silhouette/v1/robot_driver.proto"], check=True)
+        try:
+            subprocess.run(
+                ["protoc", f"-I{PROTO}", f"--python_out={folder}", f"--grpc_out={folder}",
+                 "--plugin=protoc-gen-grpc=/usr/bin/grpc_python_plugin",
+                 "robot_driver.proto"], check=True)
+        except (OSError, subprocess.CalledProcessError):
+            print("robot_driver.py: protoc cannot make the service's modules; install protobuf-compiler and "
+                  "protobuf-compiler-grpc, or make the modules beside this script as README.md says", file=sys.stderr)
+            sys.exit(2)
         sys.path.insert(0, folder)
         importlib.invalidate_caches()
-    return (importlib.import_module("silhouette.v1.robot_driver_pb2"),
-            importlib.import_module("silhouette.v1.robot_driver_pb2_grpc"))
+    return (importlib.import_module("robot_driver_pb2"),
+            importlib.import_module("robot_driver_pb2_grpc"))
 
 
 messages, services = load_service()

@@ -75,8 +75,10 @@ std::vector<Configuration> WaypointsOf(const ompl::geometric::PathGeometric& pat
 bool IsPathFree(const SpaceSnapshot& snapshot, std::span<const Configuration> waypoints,
                 double path_resolution = 0.005);
 
-// Ends planning on `snapshot` when it expires, or when a newer one has a configuration of `needed`
-// (start, goal) that is not free: take a new snapshot and plan again. `space` must outlive it.
+// Ends planning on `snapshot` when it expires, when nothing is known in a newer one, or when a
+// newer scene has a configuration of `needed` (start, goal) that is not free (CheckMotionOrAsk,
+// once for each new snapshot): take a new snapshot and plan again. It stays true. Asking may take
+// the client's timeout. `space` must outlive it.
 ompl::base::PlannerTerminationCondition UntilSceneChanges(
     const LocalSpace& space, std::shared_ptr<const SpaceSnapshot> snapshot,
     std::vector<Configuration> needed);

@@ -294,14 +294,14 @@ TEST(CameraDriver, ImageThatFailsLeavesTheOthers) {
   }
 }
 
-TEST(CameraDriver, ExampleInPythonIsOne) {
+TEST(CameraDriver, ExampleInPythonIsOneBesideTheClientPackage) {
   const std::string folder = FreshFolder().string();
+  WriteFile(folder + "/silhouette/__init__.py", "");
   const std::string source = SourceFolder();
   cv::imwrite(folder + "/top.png", cv::Mat(2, 4, CV_8UC1, cv::Scalar(7)));
-  const std::string generate =
-      absl::StrCat("protoc -I ", source, "/proto --python_out=", folder, " --grpc_out=", folder,
-                   " --plugin=protoc-gen-grpc=$(which grpc_python_plugin) ", source,
-                   "/proto/silhouette/v1/camera_driver.proto");
+  const std::string generate = absl::StrCat(
+      "protoc -I ", source, "/proto/silhouette/v1 --python_out=", folder, " --grpc_out=", folder,
+      " --plugin=protoc-gen-grpc=$(which grpc_python_plugin) camera_driver.proto");
   ASSERT_EQ(std::system(generate.c_str()), 0) << generate;
   // The shell tells its process, which becomes Python's.
   const std::string serve = absl::StrCat("echo $$; PYTHONPATH=", folder, " exec /usr/bin/python3 ",

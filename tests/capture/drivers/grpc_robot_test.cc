@@ -28,13 +28,16 @@
 #include "tests/capture/sim/small_cell.h"
 #include "tests/certificates.h"
 #include "tests/folders.h"
+#include "tests/shell.h"
 
 namespace silhouette {
 namespace {
 
+using testing::AllOf;
 using testing::DoubleNear;
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::Not;
 using testing::Pointwise;
 
 // What a busy machine needs to answer.
@@ -231,6 +234,26 @@ TEST(PythonRobotDriver, IsDrivenAndStopped) {
     const auto state = slow->State();
     return state.ok() && !state->moving;
   }));
+}
+
+TEST(PythonRobotDriver, StartsBesideTheClientPackage) {
+  const std::filesystem::path packages = FreshFolder();
+  WriteFile(packages / "silhouette" / "__init__.py", "");
+  setenv("PYTHONPATH", packages.c_str(), /*overwrite=*/1);
+  const PythonDriver driver;
+  unsetenv("PYTHONPATH");
+  EXPECT_THAT(driver.address(), HasSubstr("127.0.0.1:"));
+}
+
+TEST(PythonRobotDriver, WithoutProtocSaysWhatToInstall) {
+  const Shell shell;
+  std::filesystem::copy(SourceFolder() + "/clients/drivers/python/robot_driver.py", shell.folder());
+  const Ended driver = shell.Run("PATH=/none /usr/bin/python3 robot_driver.py");
+  EXPECT_EQ(driver.exit_code, 2);
+  EXPECT_THAT(driver.err,
+              AllOf(HasSubstr("robot_driver.py: protoc cannot make the service's modules"),
+                    HasSubstr("install protobuf-compiler and protobuf-compiler-grpc"),
+                    Not(HasSubstr("Traceback"))));
 }
 
 TEST(PythonRobotDriver, WithCertificatesServesOnlyWhoHasOne) {

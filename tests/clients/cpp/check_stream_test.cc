@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <functional>
 #include <thread>
 #include <vector>
@@ -121,6 +122,20 @@ TEST(CheckStream, PathsAreAnsweredAmongTheOthers) {
   EXPECT_FALSE(first->checks.ok());
   EXPECT_EQ(stream.Receive()->id, 9u);
   EXPECT_EQ(stream.SendPath(1, {}).code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(CheckStream, PathIsAskedWithItsResolution) {
+  FakeServer server;
+  std::atomic<double> asked = 0;
+  Serve(server, [&](const Question& question) {
+    asked = question.path().path_resolution();
+    return RightAnswer(question);
+  });
+  CheckStream stream = StreamTo(server);
+  const std::vector<Configuration> path = {{1.0}, {2.0}};
+  ASSERT_TRUE(stream.SendPath(1, path, {}, Clearance::kOmit, /*resolution=*/0.001).ok());
+  EXPECT_TRUE(stream.Receive().ok());
+  EXPECT_EQ(asked, 0.001);
 }
 
 TEST(CheckStream, QuestionThatCannotBeAnsweredDoesNotEndTheCall) {

@@ -156,6 +156,25 @@ TEST_F(LateAnswers, AreNeverFreeAndSaySo) {
   EXPECT_EQ(space->unknown_reason(), Reason::kAnswerLate);
 }
 
+TEST_F(LateAnswers, OfAPathNameNoPlace) {
+  server_.check_path = [this](auto&, const auto&, auto& response) {
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
+    response.set_segment(2);
+    response.set_fraction(0.5);
+    response.mutable_configuration()->add_positions(0.3);
+    Stamp(*response.mutable_basis());
+    std::this_thread::sleep_for(kHeldUp);
+    return grpc::Status::OK;
+  };
+  const auto path = ClientOfHere(server_).CheckPath(kLateOne);
+  ASSERT_TRUE(path.ok()) << path.status();
+  EXPECT_EQ(path->verdict.reason, Reason::kAnswerLate);
+  EXPECT_EQ(path->segment, 0);
+  EXPECT_EQ(path->fraction, 0);
+  EXPECT_TRUE(path->configuration.empty());
+  EXPECT_EQ(path->basis.scene_id, 3u);
+}
+
 TEST_F(LateAnswers, OfAStreamAreAlsoThoseThatWaitForReceiveUntilTheyExpire) {
   const Client client = ClientOfHere(server_);
   CheckStream stream = client.StreamChecks();

@@ -445,6 +445,20 @@ TEST(LocalSpace, MotionThatTheServerIsAskedForKeepsItsReasonAndIsNeverOlderThanM
   EXPECT_TRUE(space.CheckMotionOrAsk(from, to).free());
 }
 
+TEST(LocalSpace, LimitOfTheServerIsARefusalAndNoLostConnection) {
+  const grpc::Status limit(grpc::StatusCode::RESOURCE_EXHAUSTED, "beyond a limit");
+  WatchedServer server;  // that knows no GetDatabase: between grid points it is asked
+  server.fake.check_path = [&](auto&, auto&, auto&) { return limit; };
+  const LocalSpace space(LocalSpaceClientOf(server), {.max_age = absl::Minutes(10)});
+  server.Send(FirstUpdate(BasisOf(3)));
+  space.WaitForUpdate(0, kLocalSpaceLong);
+  EXPECT_EQ(space.CheckMotionOrAsk(Configuration{0.5, 5.5}, Configuration{0.5, 6.5}).reason,
+            Reason::kRefused);
+  server.End(limit);
+  EXPECT_TRUE(TurnsUnknown(space, Reason::kRefused));
+  EXPECT_THAT(std::string(space.status().problem.message()), HasSubstr("beyond a limit"));
+}
+
 TEST(LocalSpace, EndsAtOnceWhateverItWaitsFor) {
   WatchedServer server;
   server.fake.check_configurations = [](grpc::ServerContext& context, auto&, auto&) {

@@ -157,6 +157,47 @@ TEST(MotionInMap, IsFreeOrOccupiedWhereTheServersPathIs) {
   EXPECT_LT(counts.undecided, 20'000);
 }
 
+TEST(MotionInMap, ForbiddenPlacesAreNotFreeThoughAllGridPointsAroundThemAre) {
+  const JointRegions regions({{{.joint = 0, .lower = 1.6, .upper = 1.7}},
+                              {{.joint = 1, .continuous = true, .lower = 3, .upper = 3.3},
+                               {.joint = 2, .lower = -0.8, .upper = -0.6}}});
+  Random random;
+  const MaskSize size{8, 8};
+  RobotImageTable::Builder builder(MotionGrid(), {size}, 0, regions);
+  for (ConfigurationNumber number = 0; number < MotionGrid().number_limit(); ++number) {
+    if (MotionGrid().Contains(number)) builder.Add(number, std::vector{Mask(size)});
+  }
+  const RobotImageTable table = std::move(builder).Build();
+  const ObstacleImages images = {ObstacleImage::FromScene(Mask(size), Mask(size))};
+  int forbidden = 0;
+  int free = 0;
+  for (const OffGrid off_grid : {OffGrid::kCell, OffGrid::kNearest}) {
+    const CollisionChecker test(table, images, {.min_views = 1, .off_grid = off_grid});
+    const client::OffGridRule rule{
+        .off_grid = off_grid == OffGrid::kCell ? client::OffGrid::kCell : client::OffGrid::kNearest,
+        .free_corners_suffice = true,
+        .occupied_corner_suffices = true};
+    for (const bool with_cells : {false, true}) {
+      const client::SpaceMap map = MotionMap(test, {PixelTree(size)}, with_cells);
+      for (int i = 0; i < 500; ++i) {
+        const Configuration from = MotionEnd(random);
+        const Configuration to = MotionEnd(random);
+        const bool here = client::CheckMotionInMap(map, rule, from, from).free();
+        if (regions.Between(from, from)) {
+          ++forbidden;
+          EXPECT_FALSE(here);
+        }
+        EXPECT_TRUE(!here || test.Check(from).free());
+        EXPECT_TRUE(!client::CheckMotionInMap(map, rule, from, to).free() ||
+                    test.CheckPath(std::vector{from, to}).verdict.free());
+        free += here ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(forbidden, 20);
+  EXPECT_GT(free, 20);
+}
+
 TEST(MotionInMap, MotionThatCannotBeIsNotFree) {
   const client::SpaceMap map{.grid = MotionGrid(), .tiles = {}, .cells_exact = true};
   const Configuration q{1, 0, 0};

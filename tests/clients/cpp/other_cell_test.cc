@@ -206,6 +206,29 @@ TEST(OtherCell, BehindOneProxyDoesNotSetTheClockOfAWatch) {
   EXPECT_EQ(watch.Next(kOtherCellLong).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
+// The clock, which is asked for once a second, does not notice it.
+TEST(OtherCell, OfTheLastInstantGetsNoSceneThatTheClientStamps) {
+  FakeServer fake;
+  v1::Basis basis = BasisOfCell("press", 1);
+  fake.check_configurations = [&](auto&, auto&, v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = basis;
+    return grpc::Status::OK;
+  };
+  int published = 0;
+  fake.publish_scene = [&](auto&, auto&, auto&) {
+    ++published;
+    return grpc::Status::OK;
+  };
+  const Client client = ClientOfHere(fake);
+  v1::PublishSceneRequest scene;
+  scene.add_views()->set_view("top");
+  ASSERT_TRUE(client.PublishScene(scene, RunningClock::now()).ok());
+  basis = BasisOfCell("lathe", 2);
+  EXPECT_EQ(client.PublishScene(scene, RunningClock::now()).status().code(),
+            absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(published, 1);
+}
+
 TEST(OtherCell, IsOneThatIsNoLongerNamed) {
   FakeServer fake;
   std::vector<v1::Basis> answers = {BasisOfCell("press", 1), BasisOf(1)};

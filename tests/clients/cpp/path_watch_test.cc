@@ -82,6 +82,19 @@ TEST(PathWatch, TellsTheVerdictAndWhatItRestsOn) {
       << "each update is returned once";
 }
 
+TEST(PathWatch, IsAskedWithItsResolution) {
+  FakeServer server;
+  std::atomic<double> asked = 0;
+  server.watch_path = [&](auto&, const v1::CheckPathRequest& request, auto&) {
+    asked = request.path_resolution();
+    return grpc::Status::OK;
+  };
+  PathWatch watch =
+      ClientOfHere(server).WatchPath(kPath, {}, Clearance::kOmit, /*resolution=*/0.001).value();
+  EXPECT_EQ(watch.Next(kPathWatchLong).status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(asked, 0.001);
+}
+
 TEST(PathWatch, PathThatIsNotFreeIsNot) {
   v1::WatchPathResponse response = Free(BasisOf(3));
   response.mutable_check()->mutable_verdict()->set_state(v1::Verdict::STATE_OCCUPIED);
@@ -142,9 +155,10 @@ TEST(PathWatch, WakesWhoWaitsWhenASpeedLevelExpires) {
   response.mutable_check()->mutable_separation()->set_level(2);
   Set(kShort, response.mutable_check()->mutable_separation()->mutable_valid_for());
   const PathServer server({response});
-  PathWatch watch = ClientOfHere(server.server)
-                        .WatchPath(kPath, {.preset = "paper"}, Clearance::kOmit, SeparationPolicy{})
-                        .value();
+  PathWatch watch =
+      ClientOfHere(server.server)
+          .WatchPath(kPath, {.preset = "paper"}, Clearance::kOmit, {}, SeparationPolicy{})
+          .value();
   auto update = watch.Next(kPathWatchLong);
   ASSERT_TRUE(update.ok()) << update.status();
   if (update->check.separation->level > 0) {  // else this machine was too busy

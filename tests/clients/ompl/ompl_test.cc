@@ -9,6 +9,7 @@
 #include <ompl/geometric/planners/rrt/RRTConnect.h>
 #include <ompl/util/Console.h>
 
+#include <atomic>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -17,6 +18,7 @@
 #include <vector>
 
 #include "silhouette/client.h"
+#include "tests/clients/cpp/watched_space.h"
 #include "tests/random.h"
 #include "tests/server/service/test_server.h"
 
@@ -155,6 +157,38 @@ TEST(Ompl, PlanningEndsWhenSomethingIsInTheWayOfStartOrGoal) {
   EXPECT_FALSE(UntilSceneChanges(cell.space, blocked, {start})()) << "it was so before";
   EXPECT_TRUE(IsPathFree(*empty, std::vector<Configuration>{start}));
   EXPECT_FALSE(IsPathFree(*blocked, std::vector<Configuration>{start, start}));
+}
+
+TEST(Ompl, PlanningGoesOnWhileTheServerCallsTheStartFreeThatTheMapDoesNotDecide) {
+  std::atomic<bool> free = true;
+  std::atomic<int> calls = 0;
+  WatchedServer server;  // that knows no GetDatabase: the map decides nothing between grid points
+  server.fake.check_path = [&](auto&, auto&, v1::CheckPathResponse& response) {
+    ++calls;
+    *response.mutable_basis() = BasisOf(2);
+    response.mutable_verdict()->set_state(free ? v1::Verdict::STATE_FREE
+                                               : v1::Verdict::STATE_OCCUPIED);
+    return grpc::Status::OK;
+  };
+  const LocalSpace space(ClientOfHere(server.fake), {.max_age = absl::Minutes(10)});
+  server.Send(FirstUpdate(BasisOf(1)));
+  const auto first = space.WaitForUpdate(0, absl::Seconds(20));
+  const Configuration start = {0.5, 5.5};
+  ASSERT_EQ(first->Check(start).reason, Reason::kBetweenGridPoints);
+  const auto changed = UntilSceneChanges(space, first, {start});
+  EXPECT_FALSE(changed());
+  server.Send(Update(BasisOf(2)));
+  const auto second = space.WaitForUpdate(first->number(), absl::Seconds(20));
+  ASSERT_GT(second->number(), first->number());
+  EXPECT_FALSE(changed());
+  free = false;
+  server.Send(Update(BasisOf(3)));
+  ASSERT_GT(space.WaitForUpdate(second->number(), absl::Seconds(20))->number(), second->number());
+  EXPECT_TRUE(changed());
+  const int asked = calls;
+  free = true;
+  EXPECT_TRUE(changed()) << "it has ended";
+  EXPECT_EQ(calls, asked);
 }
 
 TEST(Ompl, NothingIsValidOnceTheSnapshotExpires) {

@@ -262,6 +262,12 @@ def test_a_watched_path_reports_every_scene_and_ends_with_the_watch(client):
     assert list(watch) == []
 
 
+def test_a_watched_path_is_asked_with_its_resolution(client):
+    with client.watch_path([[0, 0]], resolution=1.0) as watch:
+        with pytest.raises(ValueError, match="path_resolution"):
+            watch.next(timeout=20)
+
+
 def test_a_watched_path_is_false_once_its_last_update_expires(fake):
     with silhouette.Client(fake).watch_path([[0, 0]]) as watch:
         # The server lives and sends nothing more: only the expiry can wake who waits.

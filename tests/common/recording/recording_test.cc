@@ -202,6 +202,31 @@ TEST_F(RecordingTest, AnExcerptBeginsWithTheStateThatHeldThen) {
   EXPECT_EQ(moment->state->unknown_reason(), v1::Verdict::REASON_VARIANT_UNKNOWN);
 }
 
+TEST_F(RecordingTest, ScenesWhoseClockIsSlewedBackAreAllFound) {
+  recorder.Take(State(), Now(0));
+  recorder.Take(Scene(1), Now(0));
+  for (uint64_t id = 2; id <= 4; ++id) {
+    v1::WatchScenesResponse news = Scene(id);
+    if (id == 2) news.MergeFrom(State(v1::Verdict::REASON_VARIANT_UNKNOWN));
+    if (id == 3) news.MergeFrom(State());
+    recorder.Take(news, Now(0.1 * static_cast<double>(id), -0.45));
+  }
+  recorder.Take(Scene(5), Now(1));
+  const auto recording = Read();
+  std::vector<uint64_t> found;
+  std::vector<int> reasons;
+  absl::Time before = absl::InfinitePast();
+  for (const absl::Time time : recording->summary().scenes) {
+    EXPECT_GE(time - before, absl::Milliseconds(1));
+    before = time;
+    const auto moment = recording->At(time, absl::Seconds(1));
+    found.push_back(moment->scene->id());
+    reasons.push_back(moment->state->unknown_reason());
+  }
+  EXPECT_THAT(found, ElementsAre(1, 2, 3, 4, 5));
+  EXPECT_THAT(reasons, ElementsAre(0, v1::Verdict::REASON_VARIANT_UNKNOWN, 0, 0, 0));
+}
+
 TEST_F(RecordingTest, AClockThatIsSetBackBeginsAnotherFile) {
   recorder.Take(State(), Now(0, 100));
   recorder.Take(Scene(1), Now(0, 100));

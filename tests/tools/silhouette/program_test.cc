@@ -524,6 +524,24 @@ TEST_F(Silhouette, PlanThatEndsWithAnErrorLeavesNoPathOfAnEarlierPlan) {
   EXPECT_THAT(unwritten.err, HasSubstr("none/path.json"));
 }
 
+TEST_F(Silhouette, PlanThatTheFullDiskEndsLeavesNoPathOfAnEarlierPlan) {
+  PublishWall();
+  ASSERT_EQ(cell_.Run("plan 0,0 0,1 --out path.json").exit_code, 0);
+  // No file of any size can be written, as on a full disk.
+  const Ended full =
+      cell_.shell().Run("ulimit -f 0; exec " + ProgramFolder() + "/silhouette --server " +
+                        cell_.address() + " plan 0,0 0,1 --out path.json 2>/dev/null");
+  EXPECT_EQ(full.exit_code, 3);
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "path.json"), IsEmpty());
+  EXPECT_EQ(cell_.Run("path --file path.json").exit_code, 2);
+}
+
+TEST_F(Silhouette, PlanNamesAFileThatCannotBe) {
+  const Ended plan = cell_.Run("plan 0,0 0,1 --out " + std::string(300, 'n'));
+  EXPECT_EQ(plan.exit_code, 2);
+  EXPECT_THAT(plan.err, HasSubstr("shorten it to 255 characters"));
+}
+
 TEST_F(Silhouette, PlanKeepsItsPathWhenThePictureCannotBeWritten) {
   PublishWall();
   EXPECT_EQ(cell_.Run("plan 0,0 0,1 --out path.json --picture none/space.png").exit_code, 2);
@@ -589,6 +607,73 @@ TEST(SilhouetteProgram, PlanEndsWhenTheSceneGoesStaleMeanwhile) {
   EXPECT_EQ(plan.exit_code, 1) << plan.err;
   EXPECT_THAT(plan.out, HasSubstr("verdicts became unknown: the newest scene is older"));
   EXPECT_EQ(calls, 2);
+}
+
+TEST(SilhouetteProgram, PlanByTreesEndsWhenTheSceneGoesStaleMeanwhile) {
+  FakeServer server;
+  server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {
+    response.set_images("drawn");
+    *response.mutable_grid() = FreeLine().grid();
+    return grpc::Status::OK;
+  };
+  bool stale = false;
+  const auto answer = [&](v1::Basis& basis, v1::Verdict& verdict) {
+    basis.set_scene_id(1);
+    basis.mutable_valid_for()->set_seconds(60);
+    verdict.set_state(stale ? v1::Verdict::STATE_UNKNOWN : v1::Verdict::STATE_FREE);
+    if (!stale) return;
+    verdict.set_reason(v1::Verdict::REASON_SCENE_STALE);
+    basis.clear_defects();
+    basis.add_defects()->set_reason(v1::Verdict::REASON_SCENE_STALE);
+  };
+  server.check_configurations = [&](auto&, const v1::CheckConfigurationsRequest& request,
+                                    v1::CheckConfigurationsResponse& response) {
+    for (int i = 0; i < request.configurations_size(); ++i) {
+      answer(*response.mutable_basis(), *response.add_verdicts());
+    }
+    return grpc::Status::OK;
+  };
+  server.check_path = [&](auto&, auto&, v1::CheckPathResponse& response) {
+    stale = true;
+    answer(*response.mutable_basis(), *response.mutable_verdict());
+    return grpc::Status::OK;
+  };
+  const Shell shell;
+  const Ended plan =
+      shell.Run(ProgramFolder() + "/silhouette --server " + server.address + " plan 0 1");
+  EXPECT_EQ(plan.exit_code, 1) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("no path: the start is unknown: the newest scene is older"));
+}
+
+TEST(SilhouetteProgram, PlanWhoseLastAnswerComesLateNamesNoPlace) {
+  FakeServer server;
+  server.get_database = [](auto&, auto&, v1::GetDatabaseResponse& response) {
+    *response.mutable_grid() = FreeLine().grid();
+    return grpc::Status::OK;
+  };
+  server.configuration_space = [](auto&, auto&, auto& writer) {
+    writer.Write(FreeLine());
+    return grpc::Status::OK;
+  };
+  server.check_configurations = [](auto&, const v1::CheckConfigurationsRequest& request,
+                                   v1::CheckConfigurationsResponse& response) {
+    *response.mutable_basis() = FreeLine().basis();
+    for (int i = 0; i < request.configurations_size(); ++i) {
+      response.add_verdicts()->set_state(v1::Verdict::STATE_FREE);
+    }
+    return grpc::Status::OK;
+  };
+  server.check_path = [](auto&, auto&, v1::CheckPathResponse& response) {
+    *response.mutable_basis() = FreeLine().basis();
+    response.mutable_basis()->mutable_valid_for()->set_seconds(0);
+    response.mutable_verdict()->set_state(v1::Verdict::STATE_FREE);
+    return grpc::Status::OK;
+  };
+  const Shell shell;
+  const Ended plan =
+      shell.Run(ProgramFolder() + "/silhouette --server " + server.address + " plan 0 1");
+  EXPECT_EQ(plan.exit_code, 1) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("the path found is not free: unknown: the answer expired"));
 }
 
 TEST(SilhouetteProgram, HelpShowsAnExampleForEverySubcommand) {

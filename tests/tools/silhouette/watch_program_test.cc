@@ -177,6 +177,34 @@ TEST_F(SilhouetteWatch, UpdateThatHasExpiredOnItsWayIsNeverFreeAndHasNoLevel) {
   EXPECT_EQ(json["separation"]["level"], 0);
 }
 
+TEST_F(SilhouetteWatch, PathIsWatchedWithTheResolutionThatIsAskedFor) {
+  FakeServer server;
+  AnswerPaths(server, /*valid_for=*/60);
+  std::atomic<double> asked = 0;
+  server.watch_path = [&, answer = server.watch_path](auto& context, const auto& request,
+                                                      auto& writer) {
+    asked = request.path_resolution();
+    return answer(context, request, writer);
+  };
+  const Ended ended =
+      cell_.Run("--server " + server.address + " watch 0,0 1,0 --count 1 --resolution 0.001");
+  EXPECT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_EQ(asked, 0.001);
+}
+
+TEST_F(SilhouetteWatch, PathThatALimitRefusesIsNotCalledALostConnection) {
+  FakeServer server;
+  server.watch_path = [](auto&, const auto&, auto&) {
+    return grpc::Status(grpc::StatusCode::RESOURCE_EXHAUSTED, "beyond 'streams_per_client'");
+  };
+  const auto watch = Start("--server " + server.address + " watch 0,0 1,0", "watch.txt");
+  EXPECT_TRUE(HasLines("watch.txt", 1));
+  watch->Stop();
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "watch.txt"),
+              AllOf(HasSubstr("the server refuses"), HasSubstr("'streams_per_client'"),
+                    Not(HasSubstr("no connection"))));
+}
+
 TEST_F(SilhouetteWatch, LateAnswerIsUnknownWithItsReason) {
   FakeServer server;
   server.check_configurations = [](auto&, const auto& request, auto& response) {
@@ -332,12 +360,40 @@ TEST_F(SilhouetteWatch, LostServerIsToldAndTriedAgainOrEndsIt) {
   }
 }
 
+TEST_F(SilhouetteWatch, PathThatNeedsTheDatabaseWaitsForTheServer) {
+  const std::filesystem::path file = cell_.shell().folder() / "path.json";
+  WriteFile(file, R"({"joints": ["x"], "waypoints": [[0], [1]]})");
+  FakeServer server;
+  server.Stop();
+  const std::string at_server = "--server " + server.address + " watch ";
+  const std::vector<std::string> paths = {"--file " + file.string(), "--degrees 0 10"};
+  for (size_t i = 0; i < paths.size(); ++i) {
+    const std::string output = "watch" + std::to_string(i);
+    const auto watch = Start(at_server + paths[i], output);
+    ASSERT_TRUE(HasLines(output, 1)) << paths[i];
+    EXPECT_THAT(ContentOf(cell_.shell().folder() / output), HasSubstr("no server answers"));
+    EXPECT_TRUE(watch->Running()) << paths[i];
+    EXPECT_EQ(watch->End(SIGINT), 0) << paths[i];
+    EXPECT_EQ(cell_.Run(at_server + paths[i] + " --no-retry").exit_code, 3) << paths[i];
+  }
+  const auto watch = Start(at_server + paths[0], "watch.txt");
+  ASSERT_TRUE(HasLines("watch.txt", 1));
+  FakeServer later(server.address);
+  AnswerPaths(later, /*valid_for=*/60);
+  later.get_database = [](auto&, const auto&, auto& response) {
+    response.mutable_grid()->add_joints()->set_name("x");
+    return grpc::Status::OK;
+  };
+  EXPECT_TRUE(HasLines("watch.txt", 2));
+  EXPECT_THAT(ContentOf(cell_.shell().folder() / "watch.txt"), ContainsRegex("\n[^\n]*: free"));
+}
+
 TEST_F(SilhouetteWatch, MistakeOfTheUserEndsItAtOnce) {
   for (const std::string what :
        {"watch --preset calibrated", "watch 0,0 1,0 --preset calibrated", "watch 0,0 1",
         "watch --max-age long", "watch --max-age 0s", "watch --count 0",
         "watch 0,0 --file path.json", "watch 0,0 1,0 --max-age 300ms", "watch --separation",
-        "watch --clearance"}) {
+        "watch --clearance", "watch --resolution 0.001"}) {
     const Ended ended = cell_.Run(what);
     EXPECT_EQ(ended.exit_code, 2) << what << ": " << ended.out << ended.err;
     EXPECT_THAT(ended.err, StartsWith("silhouette: ")) << what;
@@ -366,8 +422,9 @@ TEST_F(SilhouetteWatch, StreamedChecksAnswerEachLine) {
   EXPECT_EQ(mistake.exit_code, 2);
   EXPECT_THAT(mistake.out, MatchesRegex("0,0: free[^\n]*\n"));
   EXPECT_THAT(mistake.err, HasSubstr("-:2: "));
-  const Ended too_few = check("0\\n");
+  const Ended too_few = check("0,0\\n\\n0\\n");
   EXPECT_EQ(too_few.exit_code, 2);
+  EXPECT_THAT(too_few.err, StartsWith("silhouette: -:3: "));
   EXPECT_EQ(cell_.Run("check --stream 0,0").exit_code, 2);
   for (const char* nothing : {"check --stream <&-", "check --stream </dev/null"}) {
     const Ended empty = cell_.Run(nothing);
