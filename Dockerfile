@@ -3,7 +3,7 @@
 #   docker run --rm --network host --user "$(id -u)" -v "$PWD":/cell silhouette silhouette-server --cell cell.yaml
 FROM debian:bookworm AS build
 COPY . /silhouette
-RUN apt-get update && apt-get install -y --no-install-recommends git && /silhouette/tools/package
+RUN /silhouette/tools/package
 
 FROM debian:bookworm-slim
 RUN --mount=type=bind,from=build,source=/silhouette/out/packages,target=/packages \

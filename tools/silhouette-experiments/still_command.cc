@@ -229,7 +229,7 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
   const auto record = std::make_shared<LiveRecord>(names, config.scene.max_age, config.clock);
   Progress progress(place.name, static_cast<uint64_t>(arguments.scenes), "scenes");
   ASSIGN_OR_RETURN(
-      const auto loop,
+      auto loop,
       LiveLoop::Start(
           config,
           {.open_cameras = [&]() -> absl::StatusOr<std::unique_ptr<CameraRig>> {
@@ -242,6 +242,7 @@ absl::StatusOr<StillRow> WatchStill(const SimulatedWorkplace& workplace,
            .publish = [&](Scene scene, const auto&) { return watcher.Take(std::move(scene)); }},
           record));
   RETURN_IF_ERROR(watcher.Wait([&](uint64_t done) { progress.Update(done); }));
+  loop.reset();  // its thread writes the row
   return row;
 }
 

@@ -34,12 +34,12 @@ TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
       {"name": "grpc_batch/tcp/iterations:3/real_time", "per_second": 40e6},
       {"name": "lmdb_get/manual_time", "error_occurred": true, "error_message": "no disk"}]})";
   const Ended ended =
-      shell.Run(kSource + "/tools/benchmark --results $PWD/results.json --out $PWD 2>&1");
+      shell.Run(kSource + "/tools/benchmark --results results.json --out figures 2>&1");
   EXPECT_EQ(ended.exit_code, 1);
   EXPECT_THAT(ended.out, HasSubstr("lmdb_get/manual_time: no disk"));
 
   std::map<std::string, Json> rows;
-  for (const Json& row : Json::parse(ContentOf(folder / "ratios.json"))) {
+  for (const Json& row : Json::parse(ContentOf(folder / "figures/ratios.json"))) {
     for (const char* key : {"name", "value", "unit", "baseline", "ratio"}) {
       EXPECT_TRUE(row.contains(key)) << row;
     }
@@ -54,7 +54,7 @@ TEST(BenchmarkScript, ComparesWhatRanAndLeavesOutWhatDidNot) {
   EXPECT_EQ(rows["grpc_batch"]["value"], 40);
   EXPECT_EQ(rows["grpc_batch"]["met"], false);
   EXPECT_TRUE(rows["streaming_all_masks"]["ratio"].is_null());
-  EXPECT_THAT(ContentOf(folder / "table.md"), HasSubstr("120 x `streaming_all_masks`"));
+  EXPECT_THAT(ContentOf(folder / "figures/table.md"), HasSubstr("120 x `streaming_all_masks`"));
 }
 
 TEST(BenchmarkScript, EveryRowHasItsBenchmarkAndItsBaseline) {
@@ -100,7 +100,8 @@ TEST(BenchmarkScript, MistakesAreTheUsersAndHelpIsHelp) {
     EXPECT_THAT(ended.out, HasSubstr(said));
   };
   expect("--fast", 2, "unknown argument '--fast'");
-  expect("--results nowhere", 2, "there is no 'nowhere'");
+  expect("--results nowhere", 2,
+         ("there is no '" + (shell.folder() / "nowhere").string() + "'").c_str());
   expect("--help", 0, "--quick");
 }
 

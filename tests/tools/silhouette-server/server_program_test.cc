@@ -428,6 +428,15 @@ TEST_F(ServerProgramTest, ClientAsksWhetherDegreesAreMeantAlsoWhereAJointTurnsFo
   EXPECT_THAT(said("20,0"), Not(HasSubstr("degrees"))) << "metres";
 }
 
+TEST_F(ServerProgramTest, RegionForbiddenAfterTheCaptureIsExcluded) {
+  WriteFile(cell,
+            absl::StrCat(kServerTestCellFile,
+                         "capture: {forbidden_regions: [{name: post, joints: {a: [2, 3]}}]}\n"));
+  ServerProgram program(folder,
+                        {"--cell", cell, "--database", database, "--listen", "127.0.0.1:0"});
+  EXPECT_EQ(DatabaseAt(program.Address()).excluded(), 16u);
+}
+
 TEST_F(ServerProgramTest, FilesThatAreMissingAreNamedBeforeTheDatabaseIsLoaded) {
   const auto complaint = [this](std::vector<std::string> arguments) {
     arguments.insert(arguments.end(),
