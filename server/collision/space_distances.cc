@@ -13,7 +13,15 @@ namespace silhouette {
 namespace {
 
 constexpr int kEdge = VoxelGrid::kBlockEdge;
-constexpr int kGroupEdge = 4;  // blocks
+constexpr size_t kRows = size_t{kEdge} * kEdge;  // of a block
+constexpr int kGroupEdge = 4;                    // blocks
+
+// Where a row of a block is, in voxels: y and z.
+std::array<double, 2> PlaceOf(size_t row) {
+  const auto number = static_cast<int>(row);
+  const int z = number / kEdge;
+  return {static_cast<double>(number % kEdge), static_cast<double>(z)};
+}
 
 // How far the ball of a body may be from a box for the body to be no farther than `distance`.
 double SquareWithin(const ConvexBody& body, double distance) {
@@ -76,8 +84,7 @@ void SpaceDistances::AddGroup(const VoxelsOfGrid& voxels, const std::vector<bool
 }
 
 Eigen::AlignedBox3d SpaceDistances::Block::Box(size_t row, int first, int last) const {
-  const auto y = static_cast<double>(row % kEdge);
-  const auto z = static_cast<double>(row / kEdge);
+  const auto [y, z] = PlaceOf(row);
   return {lower + edge * Eigen::Vector3d(first, y, z),
           lower + edge * Eigen::Vector3d(last, y + 1, z + 1)};
 }
@@ -116,13 +123,12 @@ void SpaceDistances::Measure(const Block& block, const ConvexBody& body, ConvexB
   if (body.Distance(block.voxels, distance, plane) >= distance) return;
   constexpr double kNever = std::numeric_limits<double>::infinity();
   // By row, what the plane proves.
-  std::array<double, kEdge * kEdge> at_least;
+  std::array<double, kRows> at_least;
   const double first_row = plane.DistanceTo(block.Box(0, 0, kEdge));
   const Eigen::Vector3d step = block.edge * plane.normal;
   for (size_t row = 0; row < at_least.size(); ++row) {
-    at_least[row] = block.rows[row] == 0 ? kNever
-                                         : first_row + static_cast<double>(row % kEdge) * step.y() +
-                                               static_cast<double>(row / kEdge) * step.z();
+    const auto [y, z] = PlaceOf(row);
+    at_least[row] = block.rows[row] == 0 ? kNever : first_row + y * step.y() + z * step.z();
   }
   const auto measure = [&](size_t row) {
     for (unsigned bits = block.rows[row]; bits != 0;) {

@@ -624,7 +624,9 @@ TEST(SilhouetteProgram, PlanByTreesEndsWhenTheSceneGoesStaleMeanwhile) {
     if (!stale) return;
     verdict.set_reason(v1::Verdict::REASON_SCENE_STALE);
     basis.clear_defects();
-    basis.add_defects()->set_reason(v1::Verdict::REASON_SCENE_STALE);
+    v1::SceneDefect& defect = *basis.add_defects();
+    defect.set_reason(v1::Verdict::REASON_SCENE_STALE);
+    defect.set_message("the newest scene is older than max_age");
   };
   server.check_configurations = [&](auto&, const v1::CheckConfigurationsRequest& request,
                                     v1::CheckConfigurationsResponse& response) {

@@ -381,7 +381,11 @@ TEST_F(SilhouetteWatch, PathThatNeedsTheDatabaseWaitsForTheServer) {
   FakeServer later(server.address);
   AnswerPaths(later, /*valid_for=*/60);
   later.get_database = [](auto&, const auto&, auto& response) {
-    response.mutable_grid()->add_joints()->set_name("x");
+    v1::GridJoint& joint = *response.mutable_grid()->add_joints();
+    joint.set_name("x");
+    joint.set_upper(1);
+    joint.set_steps(11);
+    response.mutable_grid()->add_tile_edges(4096);
     return grpc::Status::OK;
   };
   EXPECT_TRUE(HasLines("watch.txt", 2));
