@@ -49,7 +49,7 @@ struct TileVerdicts {
 };
 
 // Refers to a table, to obstacle images and to its support, which must outlive it. May be used by
-// any number of threads; checks of configurations do not allocate, but for memory that a thread
+// any number of threads; checks of joint values do not allocate, but for memory that a thread
 // keeps from its first check on.
 class CollisionChecker {
  public:
@@ -73,15 +73,16 @@ class CollisionChecker {
   // A verdict holds for `q` alone, or for a path through it, not for all of its grid cell.
 
   // The path through the waypoints, at least one (else std::invalid_argument), joint values
-  // interpolated linearly and without wrapping. Exact: see segment_places.h; of a drawn robot,
-  // as CheckMotion has it. `evidence` is filled in only if the path is not free.
+  // interpolated linearly and without wrapping. Exact: see segment_places.h; but a part of the
+  // path in one grid cell is excluded where the box of its joint values touches a forbidden region.
+  // Of a drawn robot as CheckMotion has it. `evidence` is filled in only if the path is not free.
   PathVerdict CheckPath(std::span<const Configuration> waypoints,
                         std::span<ViewEvidence> evidence = {},
                         const PathSettings& settings = {}) const;
 
-  // All configurations of a tile of the grid; unknown, too, where one of the joint values whose
-  // nearest a captured one is, is forbidden. So a map frees no forbidden place off the grid.
-  // Nothing: it was given up.
+  // All configurations of a tile of the grid. A captured one is unknown, too, if any joint values
+  // nearest to it are forbidden: so a map frees no forbidden place off the grid. Nothing: it was
+  // given up.
   TileVerdicts CheckTile(uint64_t tile) const { return *CheckTile(tile, nullptr); }
   std::optional<TileVerdicts> CheckTile(uint64_t tile, const Stop& stop) const;
 
@@ -89,7 +90,8 @@ class CollisionChecker {
   const ConfigurationGrid& grid() const { return table_.grid(); }
 
   // The test robot images of `q`, one per view: what the verdict looked at. Nothing if a robot
-  // image that it takes is not there, cannot be read or drawn, or `q` is outside the grid.
+  // image that it takes is not there, cannot be read or drawn, or `q` is outside the grid or
+  // forbidden.
   // `growth`: of a drawn robot.
   std::optional<std::vector<Mask>> TestRobotImages(std::span<const double> q,
                                                    Growth growth = {}) const;

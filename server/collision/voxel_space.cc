@@ -37,6 +37,17 @@ bool AnySet(const Mask& mask, const PixelRectangle& pixels) {
   return AnyCommon(mask.words(), mask.words(), mask.width(), pixels);
 }
 
+// The pixels of `ground` that are joined to `mask`, on which they border.
+Mask JoinedTo(const Mask& mask, const Mask& ground) {
+  constexpr double kBeside = 1;  // pixels
+  Mask joined = Grown(mask, kBeside) & ground;
+  while (true) {
+    Mask next = Grown(joined, kBeside) & ground;
+    if (next == joined) return joined;
+    joined = std::move(next);
+  }
+}
+
 // Per view, whether the robot may be where the view does not look; not where that is not known.
 std::vector<bool> LeavesOf(std::span<const VoxelView> views) {
   std::vector<bool> leaves;
@@ -73,10 +84,9 @@ VoxelSpace::VoxelSpace(const Eigen::AlignedBox3d& workspace, double least_obstac
     looks_[i].ignored = view.ignored;
     if (view.ignored.Empty()) continue;
     const bool swept_known = view.swept.size() != MaskSize{};
-    // A robot of one piece that is seen borders on the pixels that it is in unseen.
-    constexpr double kBeside = 1;  // pixels
-    looks_[i].leaves_unseen = MayReachBeyond(view.ignored.words(), view.mask_size) &&
-                              !(swept_known && (Grown(view.ignored, kBeside) & view.swept).Empty());
+    // A robot of one piece gets from where it is seen to the rim through ignored pixels alone.
+    const Mask through = swept_known ? JoinedTo(view.swept, view.ignored) : view.ignored;
+    looks_[i].leaves_unseen = !through.Empty() && MayReachBeyond(through.words(), view.mask_size);
     if (swept_known) view.swept = view.swept | view.ignored;
   }
   // A voxel that only touches the workspace from outside has no part in it.

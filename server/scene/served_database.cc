@@ -125,7 +125,9 @@ absl::StatusOr<RobotImageTable> LoadRobotImages(const Database& database,
 }
 
 absl::Status CheckMotionShown(const Database& database, const RobotImageTable& images) {
-  const uint64_t captured = images.Count(RobotImageState::kPresent);
+  const uint64_t shown = images.Count(RobotImageState::kPresent);
+  // Of robot images that are all empty none is present.
+  const uint64_t captured = shown > 0 ? shown : images.Count(RobotImageState::kEmpty);
   for (int view = 0; view < images.views(); ++view) {
     const std::string fault = WhyNoMotionShows(
         database.cell().views(view).name(), images.covered(view), images.permanent(view), captured);

@@ -32,7 +32,7 @@ constexpr double kFineMovement = 0.125;
 struct CoveredPixels {
   CoveredPixels(const RobotImageTable& images, int view)
       : any(images.covered(view)), every(images.permanent(view)) {
-    if (images.Count(RobotImageState::kPresent) == 0) every = ~any;
+    if (any.Empty()) every = ~any;
   }
 
   Mask any;

@@ -17,7 +17,7 @@ class IndexOfTable {
     TileIndexBuilder builder(trees_);
     for (uint64_t tile = 0; tile < table.grid().tiles(); ++tile) {
       for (uint64_t place = 0; place < kTileSize; ++place) {
-        if (!table.present(tile).Contains(place)) continue;
+        if (table.state(tile * kTileSize + place) != RobotImageState::kPresent) continue;
         std::vector<MaskWords> images;
         for (int view = 0; view < table.views(); ++view) {
           images.push_back(table.image(view, tile * kTileSize + place));

@@ -290,6 +290,9 @@ TEST(PossibleSpace, RobotThatIsNeverSeenBesideIgnoredPixelsAtTheRimDoesNotLeaveT
   };
   EXPECT_FALSE(leaves(Mask::FromPredicate(size, [](int x, int) { return x >= 20; })));
   EXPECT_TRUE(leaves(Mask::FromPredicate(size, [](int x, int) { return x >= 19; })));
+  // A pillar before the robot, and a lamp at the rim.
+  EXPECT_FALSE(leaves(Mask::FromPredicate(
+      size, [](int x, int y) { return (x == 19 && y > 10 && y < 20) || (x > 28 && y < 3); })));
   EXPECT_FALSE(
       leaves(Mask::FromPredicate(size, [](int x, int y) { return x == 19 && y > 2 && y < 20; })));
 }

@@ -103,6 +103,15 @@ TEST(ConvexBody, DistancesOfBoxesAndBallsAreExactToTheStatedPrecision) {
     const double distance = body.Distance(box, 10, plane);
     EXPECT_LE(distance, expected + 1e-12);
     EXPECT_GE(distance, expected - ConvexBody::kPrecision - 1e-12);
+    // A turned one, from a point.
+    const Eigen::Isometry3d turned = Eigen::Translation3d(at) * Eigen::Quaterniond::UnitRandom();
+    body.Place(turned);
+    const double to_point = std::max(
+        0.0, AlignedBox3d(-half, half).exteriorDistance(turned.inverse() * box.min()) - radius);
+    plane = {};
+    const double of_turned = body.Distance(AlignedBox3d(box.min()), 10, plane);
+    EXPECT_LE(of_turned, to_point + 1e-12);
+    EXPECT_GE(of_turned, to_point - ConvexBody::kPrecision - 1e-12);
   }
 }
 

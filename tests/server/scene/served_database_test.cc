@@ -42,7 +42,7 @@ TEST(ServedDatabase, MarksWhatIsMissingExcludedOrFailsItsChecksum) {
   EXPECT_EQ(database->robot_images().Count(RobotImageState::kPresent), 37u);
 }
 
-TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
+void ExpectViewsWithoutTheRobotAreNotServed(const std::vector<size_t>& views) {
   const std::filesystem::path folder = FreshFolder();
   MakeDatabase(folder / "db");
   {
@@ -51,7 +51,7 @@ TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
     for (int a = 0; a < 5; ++a) {
       for (int b = 0; b < 8; ++b) {
         RobotImage image = TestRobotImage((*database)->grid(), a, b);
-        image.masks[1] = Mask(image.masks[1].size());
+        for (const size_t view : views) image.masks[view] = Mask(image.masks[view].size());
         ASSERT_TRUE(writer->Put(image, /*replace=*/true).ok());
       }
     }
@@ -61,6 +61,14 @@ TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
   const absl::Status status = ServedDatabase::Load(**database).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(status));
   EXPECT_THAT(status.message(), HasSubstr("shows no robot in any of 40 robot images"));
+}
+
+TEST(ServedDatabase, ViewThatNeverShowsTheRobotIsNotServed) {
+  ExpectViewsWithoutTheRobotAreNotServed({1});
+}
+
+TEST(ServedDatabase, RobotImagesThatAreAllEmptyAreNotServed) {
+  ExpectViewsWithoutTheRobotAreNotServed({0, 1, 2});
 }
 
 // No view shows the robot at grid point (2, 7), a single one at (3, 7).
@@ -113,9 +121,9 @@ TEST(ServedDatabase, RobotImageWithoutAPixelInAnyViewIsNeverFree) {
 TEST(ServedDatabase, RobotThatNoViewShowsLeavesTheSceneUsable) {
   const std::string path = DatabaseWithAnEmptyRobotImage();
   LoadSettings forbidding;
-  forbidding.forbidden =
-      JointRegions({{{.joint = 0, .lower = 2, .upper = 2},
-                     {.joint = 1, .lower = At(2, 7)[1] - 0.1, .upper = At(2, 7)[1] + 0.1}}});
+  forbidding.forbidden = JointRegions(
+      {{RegionRange{.joint = 0, .lower = 2, .upper = 2},
+        RegionRange{.joint = 1, .lower = At(2, 7)[1] - 0.1, .upper = At(2, 7)[1] + 0.1}}});
   for (const LoadSettings& settings :
        {LoadSettings{}, LoadSettings{.robot_image_memory = 0}, forbidding}) {
     const auto database = LoadDatabase(path, {.margin = 0}, {}, settings);
