@@ -16,7 +16,7 @@
 
 #include "calib/robot/drawing/drawn_robot.h"
 #include "db/mask/configuration_grid.h"
-#include "server/collision/convex_body.h"
+#include "server/collision/placed_hull.h"
 #include "server/collision/space_distances.h"
 #include "server/collision/stop.h"
 
@@ -126,7 +126,7 @@ class SeparationMeter {
   const DrawnRobot& robot_;
   const SpaceDistances& space_;
 
-  std::vector<ConvexBody> bodies_;  // by part
+  std::vector<PlacedHull> bodies_;  // by part
   size_t nearest_ = 0;              // the part that was nearest at the last place
   std::vector<Eigen::Isometry3d> poses_;
   std::vector<Eigen::Isometry3d> before_;  // poses at the last place

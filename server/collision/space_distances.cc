@@ -24,7 +24,7 @@ std::array<double, 2> PlaceOf(size_t row) {
 }
 
 // How far the ball of a body may be from a box for the body to be no farther than `distance`.
-double SquareWithin(const ConvexBody& body, double distance) {
+double SquareWithin(const PlacedHull& body, double distance) {
   const double within = distance + body.ball_radius();
   return within * within;
 }
@@ -89,7 +89,7 @@ Eigen::AlignedBox3d SpaceDistances::Block::Box(size_t row, int first, int last) 
           lower + edge * Eigen::Vector3d(last, y + 1, z + 1)};
 }
 
-double SpaceDistances::ToUnknown(const ConvexBody& body) const {
+double SpaceDistances::ToUnknown(const PlacedHull& body) const {
   double least = range_;
   if (!known_) return least;
   for (int axis = 0; axis < 3; ++axis) {
@@ -102,7 +102,7 @@ double SpaceDistances::ToUnknown(const ConvexBody& body) const {
   return std::max(0.0, least);
 }
 
-const SpaceDistances::Block* SpaceDistances::NearestBlock(const ConvexBody& body,
+const SpaceDistances::Block* SpaceDistances::NearestBlock(const PlacedHull& body,
                                                           double at_most) const {
   const Block* nearest = nullptr;
   double begins = SquareWithin(body, at_most);
@@ -118,7 +118,7 @@ const SpaceDistances::Block* SpaceDistances::NearestBlock(const ConvexBody& body
   return nearest;
 }
 
-void SpaceDistances::Measure(const Block& block, const ConvexBody& body, ConvexBody::Plane& plane,
+void SpaceDistances::Measure(const Block& block, const PlacedHull& body, PlacedHull::Plane& plane,
                              double& distance) {
   if (body.Distance(block.voxels, distance, plane) >= distance) return;
   constexpr double kNever = std::numeric_limits<double>::infinity();
@@ -145,7 +145,7 @@ void SpaceDistances::Measure(const Block& block, const ConvexBody& body, ConvexB
   }
 }
 
-double SpaceDistances::Distance(const ConvexBody& body, double at_most) const {
+double SpaceDistances::Distance(const PlacedHull& body, double at_most) const {
   const Eigen::Vector3d& centre = body.ball_centre();
   // No comparison holds of what is no number.
   if (!((centre.array() >= grid_.min().array()).all() &&
@@ -156,7 +156,7 @@ double SpaceDistances::Distance(const ConvexBody& body, double at_most) const {
   // Of most others none is as near.
   const Block* const nearest = NearestBlock(body, distance);
   if (nearest == nullptr) return distance;
-  ConvexBody::Plane plane;
+  PlacedHull::Plane plane;
   Measure(*nearest, body, plane, distance);
   for (const Group& group : groups_) {
     if (group.voxels.squaredExteriorDistance(centre) >= SquareWithin(body, distance)) continue;

@@ -11,7 +11,7 @@
 #include <optional>
 #include <vector>
 
-#include "server/collision/convex_body.h"
+#include "server/collision/placed_hull.h"
 #include "server/collision/voxel_grid.h"
 
 namespace silhouette {
@@ -33,9 +33,9 @@ class SpaceDistances {
   double range() const { return range_; }
 
   // Metres, to the nearest point of any voxel, less than the true distance by up to
-  // ConvexBody::kPrecision; or `at_most` (no more than the range) if it is that far or farther.
+  // PlacedHull::kPrecision; or `at_most` (no more than the range) if it is that far or farther.
   // 0 if the centre of the body's ball is not in the first set's grid: of that nothing is known.
-  double Distance(const ConvexBody& body, double at_most) const;
+  double Distance(const PlacedHull& body, double at_most) const;
 
  private:
   // Voxels of a block, of which there is at least one.
@@ -58,11 +58,11 @@ class SpaceDistances {
                 const Eigen::Vector3i& first);
   // The block whose voxels begin nearest to the ball of the body, no farther than `at_most`; or
   // null.
-  const Block* NearestBlock(const ConvexBody& body, double at_most) const;
+  const Block* NearestBlock(const PlacedHull& body, double at_most) const;
   // From the body to all that is beyond what is known, at most the range.
-  double ToUnknown(const ConvexBody& body) const;
+  double ToUnknown(const PlacedHull& body) const;
   // Lowers the distance to that from the body to the block's voxels.
-  static void Measure(const Block& block, const ConvexBody& body, ConvexBody::Plane& plane,
+  static void Measure(const Block& block, const PlacedHull& body, PlacedHull::Plane& plane,
                       double& distance);
 
   Eigen::AlignedBox3d grid_;

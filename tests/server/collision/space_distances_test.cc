@@ -21,8 +21,8 @@ Vector3d Somewhere(const Vector3d& size) {
   return size.array() * (Eigen::Array3d::Random() + 1) / 2.0001;
 }
 
-ConvexBody PointAt(const Vector3d& at, double radius = 0) {
-  ConvexBody body(Eigen::Matrix3Xd(Vector3d::Zero()), radius);
+PlacedHull PointAt(const Vector3d& at, double radius = 0) {
+  PlacedHull body(Eigen::Matrix3Xd(Vector3d::Zero()), radius);
   body.Place(Eigen::Isometry3d(Eigen::Translation3d(at)));
   return body;
 }
@@ -51,7 +51,7 @@ double DistanceByGilbert(const Eigen::Matrix3Xd& points, const AlignedBox3d& box
   return apart.norm();
 }
 
-TEST(ConvexBody, DistanceFromABoxIsThatOfItsNearestPoint) {
+TEST(PlacedHull, DistanceFromABoxIsThatOfItsNearestPoint) {
   int touching = 0;
   for (int round = 0; round < SampleCount(600); ++round) {
     const Eigen::Matrix3Xd points = AnyPoints(round, Somewhere({0.8, 0.8, 0.8}));
@@ -61,10 +61,10 @@ TEST(ConvexBody, DistanceFromABoxIsThatOfItsNearestPoint) {
     // Placed as a link is.
     const Eigen::Isometry3d pose =
         Eigen::Translation3d(Vector3d::Random()) * Eigen::Quaterniond::UnitRandom();
-    ConvexBody body(pose.inverse() * points, radius);
+    PlacedHull body(pose.inverse() * points, radius);
     body.Place(pose);
     const double expected = std::max(0.0, DistanceByGilbert(points, box) - radius);
-    ConvexBody::Plane plane;
+    PlacedHull::Plane plane;
     const double distance = body.Distance(box, 10, plane);
     EXPECT_LE(distance, expected + 1e-9) << "round " << round;
     EXPECT_GE(distance, expected - 2e-3) << "round " << round;
@@ -78,7 +78,7 @@ TEST(ConvexBody, DistanceFromABoxIsThatOfItsNearestPoint) {
 }
 
 // A box about the origin, grown by a radius.
-ConvexBody BoxBody(const Vector3d& half, double radius) {
+PlacedHull BoxBody(const Vector3d& half, double radius) {
   Eigen::Matrix3Xd corners(3, 8);
   for (int i = 0; i < 8; ++i) {
     const Vector3d sides((i & 1) != 0 ? 1 : -1, (i & 2) != 0 ? 1 : -1, (i & 4) != 0 ? 1 : -1);
@@ -87,7 +87,7 @@ ConvexBody BoxBody(const Vector3d& half, double radius) {
   return {corners, radius};
 }
 
-TEST(ConvexBody, DistancesOfBoxesAndBallsAreExactToTheStatedPrecision) {
+TEST(PlacedHull, DistancesOfBoxesAndBallsAreExactToTheStatedPrecision) {
   Random random;
   for (int round = 0; round < SampleCount(2000); ++round) {
     const Vector3d half = round % 4 == 0 ? Vector3d::Zero() : Vector3d(Somewhere({0.2, 0.2, 0.2}));
@@ -95,14 +95,14 @@ TEST(ConvexBody, DistancesOfBoxesAndBallsAreExactToTheStatedPrecision) {
     const Vector3d at = Somewhere({1, 1, 1});
     AlignedBox3d box(Somewhere({1, 1, 1}));
     box.extend(Vector3d(box.min() + Somewhere({0.3, 0.3, 0.05})));
-    ConvexBody body = BoxBody(half, radius);
+    PlacedHull body = BoxBody(half, radius);
     body.Place(Eigen::Isometry3d(Eigen::Translation3d(at)));
     const double expected =
         std::max(0.0, AlignedBox3d(at - half, at + half).exteriorDistance(box) - radius);
-    ConvexBody::Plane plane;
+    PlacedHull::Plane plane;
     const double distance = body.Distance(box, 10, plane);
     EXPECT_LE(distance, expected + 1e-12);
-    EXPECT_GE(distance, expected - ConvexBody::kPrecision - 1e-12);
+    EXPECT_GE(distance, expected - PlacedHull::kPrecision - 1e-12);
     // A turned one, from a point.
     const Eigen::Isometry3d turned = Eigen::Translation3d(at) * Eigen::Quaterniond::UnitRandom();
     body.Place(turned);
@@ -111,15 +111,15 @@ TEST(ConvexBody, DistancesOfBoxesAndBallsAreExactToTheStatedPrecision) {
     plane = {};
     const double of_turned = body.Distance(AlignedBox3d(box.min()), 10, plane);
     EXPECT_LE(of_turned, to_point + 1e-12);
-    EXPECT_GE(of_turned, to_point - ConvexBody::kPrecision - 1e-12);
+    EXPECT_GE(of_turned, to_point - PlacedHull::kPrecision - 1e-12);
   }
 }
 
-TEST(ConvexBody, APlaneSaysNoMoreOfAnotherBoxThanItsDistance) {
+TEST(PlacedHull, APlaneSaysNoMoreOfAnotherBoxThanItsDistance) {
   for (int round = 0; round < SampleCount(600); ++round) {
     const Eigen::Matrix3Xd points = AnyPoints(round, Somewhere({0.8, 0.8, 0.8}));
-    const ConvexBody body(points, 0);
-    ConvexBody::Plane plane;
+    const PlacedHull body(points, 0);
+    PlacedHull::Plane plane;
     body.Distance(AlignedBox3d(Somewhere({0.8, 0.8, 0.8})), 10, plane);
     const AlignedBox3d other(Somewhere({0.8, 0.8, 0.8}));
     EXPECT_LE(plane.DistanceTo(other), DistanceByGilbert(points, other) + 1e-9);
@@ -148,16 +148,16 @@ TEST(SpaceDistances, AreThoseToTheNearestBoxOfAllSets) {
     const SpaceDistances distances({{far, wide}, {near, fine}}, range);
     for (int i = 0; i < 40; ++i) {
       const Eigen::Matrix3Xd points = AnyPoints(i, Somewhere({3, 2, 2}));
-      const ConvexBody body(points, 0);
+      const PlacedHull body(points, 0);
       if (!wide.box().contains(body.ball_centre())) continue;
       double expected = range;
       for (const auto& box : boxes) {
-        ConvexBody::Plane plane;
+        PlacedHull::Plane plane;
         expected = std::min(expected, body.Distance(box, expected, plane));
       }
-      EXPECT_NEAR(distances.Distance(body, 100), expected, 2 * ConvexBody::kPrecision);
+      EXPECT_NEAR(distances.Distance(body, 100), expected, 2 * PlacedHull::kPrecision);
       EXPECT_NEAR(distances.Distance(body, range / 3), std::min(range / 3, expected),
-                  2 * ConvexBody::kPrecision);
+                  2 * PlacedHull::kPrecision);
     }
   }
 }

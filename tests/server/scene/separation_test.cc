@@ -235,7 +235,7 @@ TEST_F(SeparationTest, APersonAtTheRimOfTheOnlyImageCountsThoughUnseenSpaceIsSta
     const SpaceDistances& space = served.scene->separation.Get(
         {database->separation(), MaxOccludedViews(kSound, database->views())},
         []() -> SpaceDistances { throw std::logic_error("it is there"); });
-    ConvexBody middle(Eigen::Matrix3Xd(Eigen::Vector3d::Zero()), 0);
+    PlacedHull middle(Eigen::Matrix3Xd(Eigen::Vector3d::Zero()), 0);
     middle.Place(Eigen::Isometry3d(Eigen::Translation3d(at)));
     EXPECT_LE(space.Distance(middle, 1), kRadius) << shown.front() << " pixels";
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// ConvexBody: the convex hull of points, grown by a radius, and how far it is from boxes. Part of
+// PlacedHull: the convex hull of points, grown by a radius, and how far it is from boxes. Part of
 // the pure core.
 //
 // Metres. To be used by one thread at a time.
@@ -12,7 +12,7 @@
 
 namespace silhouette {
 
-class ConvexBody {
+class PlacedHull {
  public:
   // Distances are less than the true ones by up to this, for rounding.
   static constexpr double kPrecision = 1e-5;
@@ -30,7 +30,7 @@ class ConvexBody {
   };
 
   // `points`: as columns, at least one; in the frame of a link.
-  ConvexBody(const Eigen::Matrix3Xd& points, double radius);
+  PlacedHull(const Eigen::Matrix3Xd& points, double radius);
 
   void Place(const Eigen::Isometry3d& world_from_link) {
     pose_ = world_from_link;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/collision/convex_body.h"
+#include "server/collision/placed_hull.h"
 
 #include <algorithm>
 #include <cmath>
@@ -90,7 +90,7 @@ Vector3d CornerAgainst(const Eigen::AlignedBox3d& box, const Vector3d& direction
 
 }  // namespace
 
-ConvexBody::ConvexBody(const Eigen::Matrix3Xd& points, double radius)
+PlacedHull::PlacedHull(const Eigen::Matrix3Xd& points, double radius)
     : points_((static_cast<size_t>(points.cols()) + kLanes - 1) / kLanes),
       radius_(radius),
       middle_((points.rowwise().minCoeff() + points.rowwise().maxCoeff()) / 2),
@@ -105,7 +105,7 @@ ConvexBody::ConvexBody(const Eigen::Matrix3Xd& points, double radius)
   ball_radius_ += radius + kPrecision;
 }
 
-SILHOUETTE_WIDER_VECTORS size_t ConvexBody::Farthest(const std::vector<Points>& points,
+SILHOUETTE_WIDER_VECTORS size_t PlacedHull::Farthest(const std::vector<Points>& points,
                                                      const double* direction) {
   using Numbers [[gnu::vector_size(32)]] = int64_t;
   Four most = {};
@@ -125,14 +125,14 @@ SILHOUETTE_WIDER_VECTORS size_t ConvexBody::Farthest(const std::vector<Points>& 
   return kLanes * static_cast<size_t>(at[best]) + best;
 }
 
-Vector3d ConvexBody::FarthestPoint(const Vector3d& direction) const {
+Vector3d PlacedHull::FarthestPoint(const Vector3d& direction) const {
   const Vector3d in_link = pose_.linear().transpose() * direction;
   const size_t point = Farthest(points_, in_link.data());
   const auto& [x, y, z] = points_[point / kLanes].coordinates;
   return pose_ * Vector3d(x[point % kLanes], y[point % kLanes], z[point % kLanes]);
 }
 
-double ConvexBody::Distance(const Eigen::AlignedBox3d& box, double at_most, Plane& plane) const {
+double PlacedHull::Distance(const Eigen::AlignedBox3d& box, double at_most, Plane& plane) const {
   constexpr int kSteps = 30;
   double proven = plane.DistanceTo(box);
   if (proven >= at_most) return proven;
