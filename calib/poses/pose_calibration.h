@@ -100,6 +100,9 @@ struct PoseSolution {
 // or flange) to be: of the length of the error, metres.
 double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point);
 
+// A sentence if points of the workspace may be off by more than 3 mm (1 sigma); else empty.
+std::string WeaknessOf(const SolvedView& view);
+
 // InvalidArgument: the problem is wrong in itself: names or tags twice, a view that is not there.
 // FailedPrecondition: the data do not determine the poses or contradict each other; the message
 // says why, and what would mend it: too few poses, rotations about one axis only, no base frame,

@@ -262,17 +262,9 @@ absl::Status CheckFit(const PoseProblem& problem, PoseFit& fit) {
 
 namespace {
 
-// From here on, off by this share, a size is refused where nothing is to be trusted.
-constexpr double kRefusedSize = 0.01;
-// Sigmas by which a size differs from the stated one for certain.
-constexpr double kCertainSize = 5;
-// A size is unchecked from this sigma on: what is then certain is 2.5 %, by which a page that was
-// printed to fit its paper is off. A flange that moves by 3 cm all around gives 0.25 %.
-constexpr double kUncheckedSize = 0.005;
-// Metres by which points of the workspace may be elsewhere if an unchecked size is off.
-constexpr double kHarmlessShift = 1e-3;
 constexpr char kMendOfSize[] =
-    "; --trust-size found takes them so, --trust-size stated keeps the description's";
+    "; 'silhouette-calibrate poses --trust-size found' takes them so, '--trust-size stated' keeps "
+    "the description's";
 
 // Sizes of boards that the bundle found beside those stated.
 struct OtherSize {
@@ -282,7 +274,6 @@ struct OtherSize {
 };
 
 std::vector<OtherSize> OtherSizes(const Bundle& sized) {
-  constexpr double kMentionedSize = 0.001;
   std::vector<OtherSize> others;
   for (size_t i = 0; i < sized.sizes.size(); ++i) {
     const double off = std::abs(sized.sizes[i] - 1);
@@ -340,7 +331,8 @@ std::string TextOfUncheckedSizes(const PoseFit& fit, const Bundle& sized) {
       "neither the motion of the robot nor a survey determines the size of board %s: a print %.0f "
       "%% "
       "too large shifts points of the workspace by up to %.1f mm; move the flange by 20 cm and "
-      "more, or measure the print and vouch for it (--trust-size stated)",
+      "more, or measure the print and vouch for it ('silhouette-calibrate poses --trust-size "
+      "stated')",
       FewOf(boards), 100 * kRefusedSize, 1000 * shift);
 }
 
@@ -369,7 +361,9 @@ absl::Status CheckSizes(SizeTrust trust, PoseFit& fit) {
   } else if (refused && trust == SizeTrust::kNeither) {
     return FailedPrecondition(text, kMendOfSize);
   } else if (trust == SizeTrust::kNeither) {
-    text += ", as they are here; --trust-size stated keeps the description's";
+    text +=
+        ", as they are here; 'silhouette-calibrate poses --trust-size stated' keeps the "
+        "description's";
     fit.bundle = std::move(other);
   } else {
     text += ", not as they are here (--trust-size stated)";

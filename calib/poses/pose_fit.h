@@ -3,6 +3,11 @@
 // with, and by which guesses of what is wrong are compared.
 #pragma once
 
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -58,6 +63,19 @@ absl::Status CheckOutliers(const Bundle& bundle);
 // explain and a guess explains it - or nothing does. Of sizes, as CheckSizes.
 absl::Status CheckFit(const PoseProblem& problem, PoseFit& fit);
 
+// Limits of boards' sizes, by corners or by pairs of poses; shares of the size.
+inline constexpr double kMentionedSize = 0.001;
+// Off by more, a size is refused where nothing is to be trusted.
+inline constexpr double kRefusedSize = 0.01;
+// Sigmas by which a size differs from the stated one for certain.
+inline constexpr double kCertainSize = 5;
+// A size is unchecked from this sigma on: what is then certain is 2.5 %, by which a page that was
+// printed to fit its paper is off. A flange that moves by 3 cm all around gives 0.25 %.
+inline constexpr double kUncheckedSize = 0.005;
+// Metres by which points of the workspace may be elsewhere if an unchecked size is off, or a part
+// of the data is left out.
+inline constexpr double kHarmlessShift = 1e-3;
+
 // Compares the boards' sizes with what the robot's motion or the survey says of them, at the
 // minimum of the fit, which has the sizes found if that is what `trust` says. A size that is off is
 // a warning, and the fit has the sizes found unless those stated are to be trusted; from 1 % on it
@@ -99,6 +117,15 @@ std::vector<double> ShiftsOf(const PoseFit& fit, const Bundle& other);
 // The bundle's covariances must have been found.
 PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,
                         const NoiseFactors& factors);
+
+// By how much points of the workspace may be elsewhere without a part of the data, where `sigma` is
+// predicted; metres.
+inline double MostShift(double sigma) { return std::max(kHarmlessShift, 4 * sigma); }
+// Of up to this many frames each is tried; of more only that of DecisiveTurn.
+inline constexpr size_t kMostFramesTried = 12;
+// Of these turns of the flange in its base the one that alone may decide a pose: it has a large
+// share of all that turns about a second axis.
+std::optional<size_t> DecisiveTurn(std::span<const Eigen::Matrix3d> turns);
 
 // FailedPrecondition, with how many more frames of which kind would mend it, if so little holds the
 // poses that a mistake would not show: fewer than `least_frames` poses of the robot and no survey,

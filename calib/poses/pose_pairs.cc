@@ -12,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "calib/camera/camera_model.h"
+#include "calib/poses/pose_fit.h"
 #include "calib/poses/pose_network.h"
 #include "calib/poses/pose_notation.h"
 #include "common/numbers/numbers.h"
@@ -27,6 +28,7 @@ using Parameters = Eigen::Matrix<double, 13, 1>;
 using Normals = Eigen::Matrix<double, 13, 13>;
 
 constexpr size_t kLeastPairs = 5;
+constexpr size_t kLeastOfHalf = 8;  // pairs by which half of a session is judged
 constexpr double kPairOutlier = 5;  // sigmas per axis, of a length
 constexpr double kStep = 1e-6;      // of numeric derivatives, metres and radians
 // Pairs that miss each other by more, per axis, determine nothing that is of use.
@@ -41,10 +43,6 @@ constexpr double kLeastInImage = 0.5;
 // stands: with both, poses were inverted.
 constexpr double kFarFromFlange = 1;
 constexpr double kMuchFarther = 3;
-// As in the checks of boards' sizes by corners.
-constexpr double kSizeCertain = 5;  // sigmas
-constexpr double kSizeMentioned = 0.001;
-constexpr double kSizeRefused = 0.01;
 
 Eigen::Isometry3d ReadPose(const YamlNode& node, const PoseNotation& notation,
                            const std::vector<double>& values) {
@@ -104,6 +102,27 @@ std::vector<PosePair> Merged(std::span<const PosePair> pairs, const std::vector<
         {pairs[i].base_from_flange, BoardPoseBy(Eigen::Isometry3d::Identity(), links, seen)});
   }
   return merged;
+}
+
+// Of the merged pairs: the first of each among those given, counted from 1.
+std::vector<size_t> NumbersOf(const std::vector<size_t>& firsts) {
+  std::vector<size_t> numbers;
+  for (size_t i = 0; i < firsts.size(); ++i) {
+    if (firsts[i] == i) numbers.push_back(i + 1);
+  }
+  return numbers;
+}
+
+// Of all given pairs, from those of the merged ones.
+std::vector<PairResidual> ResidualsOf(const std::vector<PairResidual>& merged,
+                                      const std::vector<size_t>& firsts,
+                                      const std::vector<size_t>& numbers) {
+  std::vector<PairResidual> residuals;
+  for (const size_t first : firsts) {
+    const auto place = std::ranges::lower_bound(numbers, first + 1) - numbers.begin();
+    residuals.push_back(merged[static_cast<size_t>(place)]);
+  }
+  return residuals;
 }
 
 Links LinksOf(std::span<const PosePair> pairs, bool on_flange) {
@@ -200,23 +219,27 @@ void MarkOutliers(PairSolution& poses) {
   }
 }
 
-void Refine(const Links& links, bool sized, PairSolution& poses) {
+constexpr int kRounds = 30;
+
+// Outliers are marked again in the first `marking` rounds.
+void Refine(const Links& links, bool sized, int marking, PairSolution& poses) {
   Normals matrix;
   Parameters gradient;
-  constexpr int kRounds = 30;
   for (int round = 0; round < kRounds; ++round) {
     NormalEquationsOf(links, poses, sized, matrix, gradient);
     const Parameters step = -matrix.ldlt().solve(gradient);
-    if (!step.allFinite()) return;
+    if (!step.allFinite()) break;
     poses = Moved(poses, step);
     FindNoise(links, poses);
-    if (round < kRounds / 2) MarkOutliers(poses);
-    if (round >= kRounds / 2 && step.norm() < 1e-10) break;
+    if (round < marking) MarkOutliers(poses);
+    if (round >= marking && step.norm() < 1e-10) break;
   }
   NormalEquationsOf(links, poses, sized, matrix, gradient);
   const Normals covariance = matrix.inverse();
   poses.covariance = covariance.topLeftCorner<6, 6>();
-  if (sized) poses.size_sigma = std::sqrt(std::max(0.0, covariance(12, 12)));
+  if (!sized) return;
+  const double variance = covariance(12, 12);
+  poses.size_sigma = variance > 0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
 }
 
 size_t Kept(const PairSolution& poses) {
@@ -232,7 +255,7 @@ std::optional<PairSolution> SolveLinks(const Links& links, bool sized = false) {
   poses.board_pose = BoardPoseBy(*camera_pose, links.links, links.seen);
   poses.residuals.resize(links.links.size());
   FindNoise(links, poses);
-  Refine(links, sized, poses);
+  Refine(links, sized, kRounds / 2, poses);
   return poses;
 }
 
@@ -347,13 +370,132 @@ absl::Status CheckPlaces(const std::vector<PosePair>& pairs, const PoseView& vie
   return d.Refusal(view);
 }
 
+// Where boards were seen: how far off these points are by the camera's pose, root mean square,
+// metres.
+double SigmaOf(const Links& links, const PairSolution& poses) {
+  double sum = 0;
+  for (const Eigen::Isometry3d& seen : links.seen) {
+    const double sigma =
+        PointSigma(poses.covariance, poses.camera_pose.inverse() * seen.translation());
+    sum += sigma * sigma;
+  }
+  return std::sqrt(sum / static_cast<double>(links.seen.size()));
+}
+
+// By how much `other` has these points elsewhere, in the same way.
+double ShiftOf(const Links& links, const PairSolution& poses, const PairSolution& other) {
+  const Eigen::Isometry3d motion = other.camera_pose * poses.camera_pose.inverse();
+  double sum = 0;
+  for (const Eigen::Isometry3d& seen : links.seen) {
+    sum += (motion * seen.translation() - seen.translation()).squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(links.seen.size()));
+}
+
+// The solution without the pairs from `first` to before `last`.
+PairSolution Without(const Links& links, const PairSolution& all, size_t first, size_t last) {
+  PairSolution rest = all;
+  for (size_t i = first; i < last; ++i) rest.residuals[i].outlier = true;
+  Refine(links, all.size_sigma > 0, 0, rest);
+  return rest;
+}
+
+// The motion does not determine the boards' size, though the pose rests on it; empty: it does.
+// Judged with the size stated: where nothing determines it, a solution with the size found makes
+// the boards, and with them the residuals, as small as can be.
+std::string DoubtOfSize(const Links& links, const PairSolution& stated) {
+  Normals matrix;
+  Parameters gradient;
+  NormalEquationsOf(links, stated, true, matrix, gradient);
+  const Normals covariance = matrix.inverse();
+  const double variance = covariance(12, 12);
+  const double sigma = variance > 0 ? std::min(1.0, std::sqrt(variance)) : 1;
+  if (sigma < kUncheckedSize) return "";
+  PairSolution larger = stated;
+  larger.size *= 1 + kRefusedSize;
+  Refine(links, false, 0, larger);
+  const double shift = ShiftOf(links, stated, larger);
+  if (shift < kHarmlessShift) return "";
+  return absl::StrFormat(
+      "has boards whose size the motion of the robot does not determine (+- %.1f %%): a print %.0f "
+      "%% too large shifts points of the workspace by up to %.1f mm; move the flange by 20 cm and "
+      "more, or measure the print and vouch for it (--trust-size stated)",
+      100 * sigma, 100 * kRefusedSize, 1000 * shift);
+}
+
+// `numbers`: what messages call the pairs.
+absl::Status CheckSinglePairs(const std::vector<PosePair>& pairs,
+                              const std::vector<size_t>& numbers, const Links& links,
+                              const PairSolution& all) {
+  std::vector<size_t> kept;
+  Isometries used;
+  std::vector<Eigen::Matrix3d> turns;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (all.residuals[i].outlier) continue;
+    kept.push_back(i);
+    used.push_back(links.links[i]);
+    turns.emplace_back(pairs[i].base_from_flange.linear());
+  }
+  RETURN_IF_ERROR(CheckTurns(used));
+  const std::optional<size_t> decisive = DecisiveTurn(turns);
+  const double sigma = SigmaOf(links, all);
+  for (size_t i = 0; i < kept.size(); ++i) {
+    if (kept.size() > kMostFramesTried && i != decisive) continue;
+    Isometries others = used;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(i));
+    const bool turned = CheckTurns(others).ok();
+    const double shift = ShiftOf(links, all, Without(links, all, kept[i], kept[i] + 1));
+    if (turned && shift <= MostShift(sigma)) continue;
+    return FailedPrecondition(
+        "rests on pair ", numbers[kept[i]], " of its poses alone: without it ",
+        turned && std::isfinite(shift)
+            ? absl::StrFormat("points of the workspace are %.1f mm elsewhere, where %.1f mm (1 "
+                              "sigma) are predicted",
+                              1000 * shift, 1000 * sigma)
+            : std::string("the camera's pose is not determined, so that a mistake in it would not "
+                          "show"),
+        "; see whether this pair is right, or add five or more with the flange turned about two "
+        "axes, by 20 degrees and more");
+  }
+  return absl::OkStatus();
+}
+
+// A half of the session contradicts all of it; empty: none does. Each half by its own noise: that
+// of all is larger if something moved.
+std::string DoubtOfHalves(const Links& links, const PairSolution& all) {
+  const size_t count = links.links.size();
+  for (const bool first : {true, false}) {
+    const PairSolution half = Without(links, all, first ? count / 2 : 0, first ? count : count / 2);
+    if (Kept(half) < kLeastOfHalf) continue;
+    const double sigma = SigmaOf(links, half);
+    const double shift = ShiftOf(links, all, half);
+    if (!(shift > MostShift(sigma))) continue;
+    return absl::StrFormat(
+        "has pairs of poses of which the %s half alone has points of the workspace %.1f mm "
+        "elsewhere, where %.1f mm (1 sigma) are predicted; see whether the camera or the board "
+        "moved meanwhile, and drive to the poses in mixed order",
+        first ? "first" : "second", 1000 * shift, 1000 * sigma);
+  }
+  return "";
+}
+
 // The solution with the size that counts, or why there is none.
-absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& stated,
+absl::StatusOr<PairSolution> ChooseSize(const Links& links,
+                                        const std::optional<PairSolution>& stated,
                                         std::optional<PairSolution> sized, SizeTrust trust) {
   const bool certain =
       Badness(sized) < 1 && sized->size > 0.5 && sized->size < 2 &&
-      std::abs(sized->size - 1) > std::max(kSizeMentioned, kSizeCertain * sized->size_sigma);
-  if (!certain && Badness(stated) < 1) return *stated;
+      std::abs(sized->size - 1) > std::max(kMentionedSize, kCertainSize * sized->size_sigma);
+  if (!certain && Badness(stated) < 1) {
+    PairSolution kept = *stated;
+    std::string unchecked = DoubtOfSize(links, kept);
+    if (trust == SizeTrust::kStated) {
+      kept.warning = std::move(unchecked);
+    } else if (!unchecked.empty()) {
+      kept.doubts.push_back(std::move(unchecked));
+    }
+    return kept;
+  }
   if (!certain) {
     return FailedPrecondition(absl::StrFormat(
         "has pairs of poses that fit only if the distances of its boards are %.3g times as large; "
@@ -365,7 +507,7 @@ absl::StatusOr<PairSolution> ChooseSize(const std::optional<PairSolution>& state
       "motion of the robot: measure the print; if it is right, the robot's positions or the lens's "
       "focal length are off by this share",
       100 * sized->size, 100 * sized->size_sigma);
-  const bool small = std::abs(sized->size - 1) < kSizeRefused;
+  const bool small = std::abs(sized->size - 1) < kRefusedSize;
   if (trust == SizeTrust::kFound || (trust == SizeTrust::kNeither && small)) {
     sized->warning = what + ", as they are here (--trust-size found)";
     return *sized;
@@ -434,21 +576,18 @@ absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> given, con
                             "metres"));
   }
   RETURN_IF_ERROR(CheckPlaces(pairs, view, Badness(stated) < 1 ? *stated : *sized));
-  ASSIGN_OR_RETURN(PairSolution solution, ChooseSize(stated, std::move(sized), trust));
+  ASSIGN_OR_RETURN(PairSolution solution, ChooseSize(links, stated, std::move(sized), trust));
   if (Kept(solution) < kLeastPairs) {
     return FailedPrecondition("has only ", Kept(solution), " of ", pairs.size(),
                               " pairs of poses that agree with each other; ", kLeastPairs,
                               " are the least, twenty are good");
   }
+  const std::vector<size_t> numbers = NumbersOf(firsts);
+  RETURN_IF_ERROR(CheckSinglePairs(pairs, numbers, links, solution));
+  std::string halves = DoubtOfHalves(links, solution);
+  if (!halves.empty()) solution.doubts.push_back(std::move(halves));
   solution.robot_poses = pairs.size();
-  const std::vector<PairResidual> merged = solution.residuals;
-  solution.residuals.clear();
-  size_t next = 0;
-  std::vector<size_t> places(given.size());
-  for (size_t i = 0; i < given.size(); ++i) {
-    places[i] = firsts[i] == i ? next++ : places[firsts[i]];
-    solution.residuals.push_back(merged[places[i]]);
-  }
+  solution.residuals = ResidualsOf(solution.residuals, firsts, numbers);
   return solution;
 }
 

@@ -53,12 +53,16 @@ struct PairSolution {
   size_t robot_poses = 0;               // different ones
   double size = 1;                      // factor on the distances of boards
   double size_sigma = 0;                // 0: the size was not sought
-  std::string warning;                  // as the end of a sentence about the view; empty: none
+  // Ends of sentences about the view. Doubts: for these the poses are to be refused unless the user
+  // accepts them: a board's size that nothing checks, halves of the session that contradict it.
+  std::string warning;  // empty: none
+  std::vector<std::string> doubts;
 };
 
 // FailedPrecondition, as the end of a sentence about the view: fewer than five pairs, a flange that
-// turned about one axis only, pairs that contradict each other, boards that the view's lens does
-// not show, or boards of another size; with what would explain them.
+// turned about one axis only, a pose that a single pair decides, pairs that contradict each other,
+// boards that the view's lens does not show, or boards of another size; with what would explain
+// them.
 absl::StatusOr<PairSolution> SolvePosePairs(std::span<const PosePair> pairs, const PoseView& view,
                                             SizeTrust trust = SizeTrust::kNeither);
 

@@ -195,7 +195,6 @@ void WarnOfNoise(const PoseFit& fit, const NoiseFactors& factors, PoseSolution& 
 
 void WarnOfWeakness(const PoseFit& fit, PoseSolution& solution) {
   constexpr int kFewFrames = 10;
-  constexpr double kWeak = 3e-3;
   std::set<int> flanges;
   for (const BundleCorner& corner : fit.bundle.corners) {
     if (corner.flange >= 0) flanges.insert(corner.flange);
@@ -207,12 +206,8 @@ void WarnOfWeakness(const PoseFit& fit, PoseSolution& solution) {
                      "mistakes"));
   }
   for (const SolvedView& view : solution.views) {
-    if (view.workspace_sigma_worst > kWeak) {
-      solution.warnings.push_back(absl::StrFormat(
-          "view '%s' is known poorly: points of the workspace may be off by %.1f mm (1 sigma); add "
-          "poses all over the workspace, turned about two axes",
-          view.name, 1000 * view.workspace_sigma_worst));
-    }
+    const std::string weakness = WeaknessOf(view);
+    if (!weakness.empty()) solution.warnings.push_back(weakness);
   }
 }
 
@@ -251,6 +246,15 @@ std::vector<double> ShiftsOf(const PoseFit& fit, const Bundle& other) {
 double PointSigma(const PoseCovariance& covariance, const Eigen::Vector3d& point) {
   const Eigen::Matrix<double, 3, 6> motion = DerivativeByMotion(point);
   return std::sqrt(std::max(0.0, (motion * covariance * motion.transpose()).trace()));
+}
+
+std::string WeaknessOf(const SolvedView& view) {
+  constexpr double kWeak = 3e-3;
+  if (view.workspace_sigma_worst <= kWeak) return "";
+  return absl::StrFormat(
+      "view '%s' is known poorly: points of the workspace may be off by %.1f mm (1 sigma); add "
+      "poses all over the workspace, turned about two axes",
+      view.name, 1000 * view.workspace_sigma_worst);
 }
 
 PoseSolution SolutionOf(const PoseFit& fit, const BundleStatistics& statistics,

@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,13 +24,8 @@ constexpr const char* kGoodFrames =
 
 // Measurements more than unknowns: with fewer, a mistake would fit.
 constexpr int kLeastFreedom = 8;
-// Of a view with more frames a single one decides only by its turn of the flange: if it has this
-// share of all turns about a second axis.
-constexpr size_t kMostFramesTried = 12;
+// Of all that turns about a second axis.
 constexpr double kDecisiveTurn = 0.3;
-// Without one frame, points of the workspace may be elsewhere by this many sigmas, or metres.
-constexpr double kUnstable = 4;
-constexpr double kHarmless = 1e-3;
 
 // Counts of the robot's poses.
 struct Robot {
@@ -60,7 +56,8 @@ absl::Status CheckRobotFrames(int least_frames, const PoseFit& fit, const PoseSo
       "only ", robot.used, " poses of the robot hold the cameras in its base",
       robot.left_out > 0 ? absl::StrCat(" (", robot.left_out, " more do not fit)") : std::string(),
       ", so that a wrong one would not show; at least ", least_frames,
-      " are needed (--least-frames): add ", least_frames - robot.used, " or more ", kGoodFrames));
+      " are needed ('silhouette-calibrate poses --least-frames'): add ", least_frames - robot.used,
+      " or more ", kGoodFrames));
 }
 
 absl::Status CheckFreedom(const PoseSolution& solution) {
@@ -96,27 +93,16 @@ std::vector<ViewFrames> FramesOfViews(const PoseFit& fit) {
   return views;
 }
 
-// The frame that has most of the flange's turns about a second axis, if that is a decisive share.
-std::optional<std::string> DecisiveTurn(const PoseFit& fit, const ViewFrames& view) {
-  const auto turn_of = [&](int flange) { return fit.bundle.flanges[flange].pose.linear(); };
-  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
-  for (const auto& [frame, flange] : view.flanges) {
-    if (flange >= 0) sum += turn_of(flange);
-  }
-  // The flange's axis that turns least, and its direction in the base.
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  double all = 0;
-  double most = 0;
-  std::string decisive;
+std::optional<std::string> DecisiveFrame(const PoseFit& fit, const ViewFrames& view) {
+  std::vector<std::string> frames;
+  std::vector<Eigen::Matrix3d> turns;
   for (const auto& [frame, flange] : view.flanges) {
     if (flange < 0) continue;
-    const double turn =
-        (turn_of(flange) * svd.matrixV().col(0) - svd.matrixU().col(0)).squaredNorm();
-    all += turn;
-    if (turn > most) decisive = frame;
-    most = std::max(most, turn);
+    frames.push_back(frame);
+    turns.emplace_back(fit.bundle.flanges[flange].pose.linear());
   }
-  return most > kDecisiveTurn * all ? std::optional(decisive) : std::nullopt;
+  const std::optional<size_t> decisive = DecisiveTurn(turns);
+  return decisive ? std::optional(frames[*decisive]) : std::nullopt;
 }
 
 // The poses without a frame, or what the rest does not determine.
@@ -152,8 +138,7 @@ absl::Status CheckWithout(const PoseFit& fit, const PoseSolution& solution,
   }
   const std::vector<double> shifts = ShiftsOf(fit, rest.bundle);
   for (size_t i = 0; i < shifts.size(); ++i) {
-    const double limit = std::max(kHarmless, kUnstable * solution.views[i].workspace_sigma);
-    if (shifts[i] <= limit) continue;
+    if (shifts[i] <= MostShift(solution.views[i].workspace_sigma)) continue;
     return FailedPrecondition(absl::StrFormat(
         "view '%s' is not stable: without the frame '%s' points of the workspace are %.1f mm "
         "elsewhere, where %.1f mm (1 sigma) are predicted; see whether this frame is right, or add "
@@ -166,6 +151,23 @@ absl::Status CheckWithout(const PoseFit& fit, const PoseSolution& solution,
 
 }  // namespace
 
+std::optional<size_t> DecisiveTurn(std::span<const Eigen::Matrix3d> turns) {
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (const Eigen::Matrix3d& turn : turns) sum += turn;
+  // The flange's axis that turns least, and its direction in the base.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(sum, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  double all = 0;
+  double most = 0;
+  size_t decisive = 0;
+  for (size_t i = 0; i < turns.size(); ++i) {
+    const double turn = (turns[i] * svd.matrixV().col(0) - svd.matrixU().col(0)).squaredNorm();
+    all += turn;
+    if (turn > most) decisive = i;
+    most = std::max(most, turn);
+  }
+  return most > kDecisiveTurn * all ? std::optional(decisive) : std::nullopt;
+}
+
 absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolution& solution) {
   RETURN_IF_ERROR(CheckRobotFrames(least_frames, fit, solution));
   RETURN_IF_ERROR(CheckFreedom(solution));
@@ -173,7 +175,7 @@ absl::Status CheckWeakness(int least_frames, const PoseFit& fit, const PoseSolut
   for (const ViewFrames& view : FramesOfViews(fit)) {
     if (view.surveyed) continue;
     if (view.flanges.size() > kMostFramesTried) {
-      if (const auto frame = DecisiveTurn(fit, view)) frames.insert(*frame);
+      if (const auto frame = DecisiveFrame(fit, view)) frames.insert(*frame);
       continue;
     }
     for (const auto& [frame, flange] : view.flanges) frames.insert(frame);

@@ -132,14 +132,6 @@ class ShapeDrawer {
           "%s has %d triangles, at most %d can be drawn; simplify it, or use 'geometry: collision'",
           name, mesh.triangles.size(), settings_.most_triangles));
     }
-    Eigen::AlignedBox3d box;
-    for (const Vector3d& vertex : mesh.vertices) box.extend(vertex);
-    if (const double size = box.sizes().maxCoeff(); size > settings_.most_size) {
-      return InvalidArgument(
-          absl::StrFormat("%s is %.4g m long, more than %.4g m; if it is in millimetres, give it "
-                          "scale=\"0.001 0.001 0.001\" in the URDF",
-                          name, size, settings_.most_size));
-    }
     return absl::OkStatus();
   }
 

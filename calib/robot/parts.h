@@ -29,14 +29,12 @@ struct PartSettings {
   size_t most_parts = 16;
   // A mesh with more triangles is refused: it would be cut for minutes.
   size_t most_triangles = 500'000;
-  // A mesh that is longer is taken for one in millimetres, and refused.
-  double most_size = 10;
 };
 
 class RobotParts {
  public:
   // InvalidArgument, in one sentence that names the link, its mesh and the mend: a mesh that is
-  // flat, too large or of too many triangles; a robot without any geometry.
+  // flat or of too many triangles; a robot without any geometry.
   static absl::StatusOr<RobotParts> Of(const RobotModel& robot, const PartSettings& settings);
 
   const std::vector<RobotPart>& parts() const { return parts_; }

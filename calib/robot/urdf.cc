@@ -25,7 +25,9 @@ namespace {
 
 // No link is as long as this, in metres.
 constexpr double kMostLength = 100;
-// Nor is a mesh as short.
+// Nor is a mesh as long,
+constexpr double kMostMesh = 10;
+// nor as short.
 constexpr double kLeastMesh = 0.001;
 // Nor is a joint moved by as many times the joint that it mimics.
 constexpr double kMostMimic = 1000;
@@ -250,9 +252,9 @@ class UrdfReader {
   }
 
   // `what`: in front of "is ... m".
-  void RequireLength(const std::string& what, double length) const {
-    if (length <= kMostLength) return;
-    Fail(absl::StrCat(what, " is ", length, " m, more than ", kMostLength,
+  void RequireLength(const std::string& what, double length, double most = kMostLength) const {
+    if (length <= most) return;
+    Fail(absl::StrCat(what, " is ", length, " m, more than ", most,
                       " m; lengths in URDF are metres: a mesh in millimetres needs "
                       "scale=\"0.001 0.001 0.001\""));
   }
@@ -319,7 +321,7 @@ class UrdfReader {
     Eigen::AlignedBox3d box;
     for (const Eigen::Vector3d& vertex : mesh->vertices) box.extend(vertex);
     const double length = box.sizes().maxCoeff();
-    RequireLength("the mesh '" + path + "' of link '" + link + "'", length);
+    RequireLength("the mesh '" + path + "' of link '" + link + "'", length, kMostMesh);
     if (length < kLeastMesh) {
       Fail(absl::StrCat("the mesh '", path, "' of link '", link, "' is ", length,
                         " m long, less than ", kLeastMesh,

@@ -200,6 +200,10 @@ absl::Status CheckRotations(const std::string& path, const TiXmlElement& element
 absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string text, ReadText(path));
   if (text.empty()) return InvalidArgument(path, ": the file is empty");
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
+    return InvalidArgument(
+        path, ": its text is UTF-16; convert it, as in: iconv -f UTF-16 -t UTF-8 OLD > NEW");
+  }
   if (!IsUtf8(text)) {
     return InvalidArgument(path,
                            ": its text is not UTF-8; convert it, as in: iconv -f ISO-8859-1 "
@@ -208,8 +212,10 @@ absl::StatusOr<urdf::ModelInterfaceSharedPtr> ParseUrdf(const std::string& path)
   TiXmlDocument document;
   document.Parse(text.c_str());
   if (document.Error()) {
-    return InvalidArgument(path, ":", document.ErrorRow(),
-                           ": not well-formed XML: ", document.ErrorDesc());
+    // Row 0: where the text ends.
+    const std::string row = document.ErrorRow() > 0 ? absl::StrCat(":", document.ErrorRow()) : "";
+    return InvalidArgument(path, row, ": not well-formed XML: ", document.ErrorDesc(),
+                           row.empty() ? "; is the file cut off?" : "");
   }
   if (TiXmlElement* const robot = document.RootElement(); robot != nullptr) {
     if (IsXacro(*robot)) {

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "calib/poses/pose_calibration.h"
 #include "calib/poses/pose_pairs.h"
 #include "calib/poses/unknown_lens.h"
@@ -51,6 +52,10 @@ absl::StatusOr<std::vector<ViewPairs>> ReadPairs(const PosesArguments& arguments
                              "' is not VIEW=FILE of a view with a camera model in '",
                              arguments.sources.cameras, "'");
     }
+    if (std::ranges::find(all, view, &ViewPairs::view) != all.end()) {
+      return InvalidArgument("--pairs has the view '", view,
+                             "' twice; put all its pairs into one file");
+    }
     const std::string file = argument.substr(equals + 1);
     ASSIGN_OR_RETURN(const std::string text, ReadWholeFile(file));
     ASSIGN_OR_RETURN(PairFile pairs, PosePairsFromText(text, file));
@@ -59,9 +64,10 @@ absl::StatusOr<std::vector<ViewPairs>> ReadPairs(const PosesArguments& arguments
   return all;
 }
 
-// Adds a view that was solved by pairs, with how they miss as its frames.
-void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
-              PoseSolution& solution) {
+// Adds a view that was solved by pairs, with how they miss as its frames. Of what is doubtful only
+// doubts have it, not the warnings.
+void AddPairs(const ViewPairs& view, const PairSolution& solved, const UnknownLens& lens,
+              bool on_flange, PoseSolution& solution) {
   SolvedView result{.name = view.view,
                     .on_flange = on_flange,
                     .camera_pose = solved.camera_pose,
@@ -94,6 +100,14 @@ void AddPairs(const ViewPairs& view, const PairSolution& solved, bool on_flange,
   if (!solved.warning.empty()) {
     solution.warnings.push_back(absl::StrCat("view '", view.view, "' ", solved.warning));
   }
+  const std::string weakness = WeaknessOf(result);
+  if (!weakness.empty()) solution.warnings.push_back(weakness);
+  for (const std::string& doubt : solved.doubts) {
+    solution.doubts.push_back(absl::StrCat("view '", view.view, "' ", doubt));
+  }
+  if (!lens.sentence.empty()) {
+    (lens.refused ? solution.doubts : solution.warnings).push_back(lens.sentence);
+  }
 }
 
 // --pairs: without corners.
@@ -116,17 +130,16 @@ absl::StatusOr<ExitCode> PairsWork(const PosesArguments& arguments) {
       return kNo;
     }
     if (!solved.ok()) return solved.status();
-    const UnknownLens lens = FindUnknownLens(problem, known, solved->camera_pose);
-    if (lens.refused && !sources.accept_doubts) {
-      std::cerr << "silhouette-calibrate: " << lens.sentence
-                << "; --accept-doubts finds the poses nevertheless\nnothing was written"
-                << std::endl;
-      return kNo;
-    }
-    if (!lens.sentence.empty()) solution.warnings.push_back(lens.sentence);
-    AddPairs(view, *solved, known.on_flange, solution);
+    AddPairs(view, *solved, FindUnknownLens(problem, known, solved->camera_pose), known.on_flange,
+             solution);
     seen.push_back(known);
   }
+  if (!solution.doubts.empty() && !sources.accept_doubts) {
+    std::cerr << "silhouette-calibrate: " << absl::StrJoin(solution.doubts, "; ")
+              << "; --accept-doubts finds the poses nevertheless\nnothing was written" << std::endl;
+    return kNo;
+  }
+  solution.warnings.insert(solution.warnings.end(), solution.doubts.begin(), solution.doubts.end());
   problem.views = seen;
   ASSIGN_OR_RETURN(
       const auto files,
@@ -234,8 +247,8 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       ->required();
   command->add_flag("--draw", a.draw, "Pictures of the residuals too, residuals_VIEW.png");
   for (const char* name :
-       {"--corners", "--sigma", "--robot-poses", "--joints", "--robot-sigma", "--least-frames",
-        "--flange-board", "--standing", "--surveyed", "--draw"}) {
+       {"--corners", "--boards", "--sigma", "--robot-poses", "--joints", "--robot-sigma",
+        "--least-frames", "--flange-board", "--standing", "--surveyed", "--draw"}) {
     pairs->excludes(command->get_option(name));
   }
   AddFormatOption(*command, a.format);
@@ -244,6 +257,8 @@ void AddPosesCommand(CLI::App& program, Run& run) {
       "standing are loose:\n"
       "they connect views that see them in the same frame.\n"
       "Exit code 1: the data give no reliable poses; the message states the reason.\n"
+      "--pairs shows errors of a lens never, and a camera that moved only where one half of 16 or\n"
+      "more pairs contradicts all of them.\n"
       "--pose-notation, numbers after the frame:\n"
       "  quaternion       tx ty tz qx qy qz qw    m; real part last\n"
       "  tum              the same, without a first line; the frame is the time stamp\n"

@@ -206,7 +206,11 @@ absl::StatusOr<LensSolution> SolveSessionLenses(const Cell& cell, const SessionS
   }
   Steps steps("lenses");
   const LensSettings lens_settings{.step = [&](const std::string& step) { steps.Begin(step); }};
-  const std::vector<Board>& boards = settings.tags.boards;
+  // Others stand still: their images, all alike, would only add their kind of board.
+  std::vector<Board> boards = settings.tags.boards;
+  std::erase_if(boards, [&](const Board& board) {
+    return board.description().name != settings.flange_board;
+  });
   absl::StatusOr<LensSolution> solution =
       SolveLenses(cameras, boards, record.sightings, lens_settings);
   absl::Status status = solution.status();
@@ -226,10 +230,10 @@ std::string LensFolder(const std::string& session) {
   return (std::filesystem::path(session) / "lenses").string();
 }
 
-// The lenses of a session to which none were given, from the boards in its images. It looks at the
-// images twice: corners are better once the lenses are known. The better ones take their place in
-// `record` and its file; camera models go to the folder `lenses` of the session's. The errors are
-// SolveLenses' and CheckFit's, those of files besides.
+// The lenses of a session to which none were given, from the flange's board in its images. It looks
+// at the images twice: corners are better once the lenses are known. The better ones take their
+// place in `record` and its file; camera models go to the folder `lenses` of the session's. The
+// errors are SolveLenses' and CheckFit's, those of files besides.
 absl::StatusOr<FoundLenses> FindLenses(const Cell& cell, const RobotModel& robot,
                                        const SessionSettings& settings, SessionRecord& record) {
   ASSIGN_OR_RETURN(LensSolution solution, SolveSessionLenses(cell, settings, record, false));
@@ -365,6 +369,18 @@ absl::StatusOr<ExitCode> TellHowToGoOn(const RunArguments& arguments, const absl
   return code;
 }
 
+// After a session whose lenses were not found.
+absl::StatusOr<ExitCode> TellOfLenses(const RunArguments& arguments, const absl::Status& why) {
+  WarnOfEarlierCameras(arguments);
+  if (absl::IsCancelled(why)) return why;
+  const ExitCode code = Report("silhouette-calibrate", why);
+  std::cerr << "The images are kept: take more (--resume and a greater --frames; --joint gives the "
+               "robot more room),\nor find the lenses with boards held by hand (intrinsics) and "
+               "give them: --resume --cameras FOLDER"
+            << std::endl;
+  return absl::IsFailedPrecondition(why) ? kNo : code;
+}
+
 absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   CatchStopSignals();
   ASSIGN_OR_RETURN(const Cell cell, LoadCell(arguments.cell));
@@ -410,17 +426,7 @@ absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {
   std::optional<FoundLenses> found;
   if (arguments.cameras.empty()) {
     auto lenses = FindLenses(cell, robot, settings, record);
-    if (!lenses.ok()) WarnOfEarlierCameras(arguments);
-    if (absl::IsFailedPrecondition(lenses.status())) {
-      std::cerr
-          << "silhouette-calibrate: " << lenses.status().message()
-          << "\nThe images are kept: take more (--resume and a greater --frames; --joint gives "
-             "the robot more room),\nor find the lenses with boards held by hand "
-             "(intrinsics) and give them: --resume --cameras FOLDER"
-          << std::endl;
-      return kNo;
-    }
-    if (!lenses.ok()) return lenses.status();
+    if (!lenses.ok()) return TellOfLenses(arguments, lenses.status());
     found = *std::move(lenses);
     if (arguments.format != "json") std::cout << LensText(found->solution, found->files);
   }
@@ -438,7 +444,7 @@ void AddOptions(CLI::App& command, RunArguments& a) {
       "The link that carries it; default: 'flange', else the one that most joints move");
   command.add_option("--cameras", a.cameras,
                      "Folder of camera models, VIEW.cameramodel, for their lenses; without it "
-                     "they are found from the boards");
+                     "they are found from the flange's board");
   command
       .add_option("--frames", a.frames,
                   "How many sets of images that show the board; a view should have 20 of them")

@@ -146,7 +146,8 @@ TEST(WeakPoses, FourFramesOfOneTagAreRefusedWithHowManyMoreWouldDo) {
   const absl::Status status = CalibratePoses(rig.problem).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()),
-              testing::AllOf(HasSubstr("only 4 poses"), HasSubstr("--least-frames"),
+              testing::AllOf(HasSubstr("only 4 poses"),
+                             HasSubstr("'silhouette-calibrate poses --least-frames'"),
                              HasSubstr("add 2 or more")));
 }
 

@@ -11,7 +11,9 @@
 namespace silhouette {
 namespace {
 
+using testing::Contains;
 using testing::HasSubstr;
+using testing::IsEmpty;
 
 PoseView ViewOf(bool on_flange) {
   return {.name = "left",
@@ -43,6 +45,12 @@ class Pairs {
   Eigen::Isometry3d board_pose;
   std::vector<PosePair> pairs;
 
+  // Takes a pair at another pose of the flange, with a camera that stands still.
+  void TakeAt(const Eigen::Isometry3d& base_from_flange, PosePair& pair) const {
+    const Eigen::Isometry3d noise =
+        (camera_pose * pair.base_from_flange * board_pose).inverse() * pair.camera_from_board;
+    pair = {base_from_flange, camera_pose * base_from_flange * board_pose * noise};
+  }
   // Again at the robot's pose of a pair.
   PosePair Repeated(size_t pair) {
     PosePair again = pairs[pair];
@@ -172,6 +180,62 @@ TEST(PosePairs, OfABoardOfAnotherSizeNameIt) {
   const auto stated = SolvePosePairs(truth.pairs, ViewOf(false), SizeTrust::kStated);
   ASSERT_TRUE(stated.ok()) << stated.status();
   EXPECT_THAT(stated->warning, HasSubstr("measure 97."));
+}
+
+// The wrist alone turns: a camera that is farther away sees a larger board just so.
+TEST(PosePairs, OfABoardWhoseSizeNothingChecksAreDoubtedUnlessItIsVouchedFor) {
+  Pairs truth(6);
+  for (PosePair& pair : truth.pairs) {
+    Eigen::Isometry3d flange = pair.base_from_flange;
+    flange.translation() = truth.pairs[0].base_from_flange.translation();
+    truth.TakeAt(flange, pair);
+  }
+  for (PosePair& pair : truth.pairs) pair.camera_from_board.translation() *= 1.03;
+  const auto unchecked = HasSubstr("has boards whose size the motion of the robot does not");
+  for (const SizeTrust trust : {SizeTrust::kNeither, SizeTrust::kFound}) {
+    const auto doubted = SolvePosePairs(truth.pairs, ViewOf(false), trust);
+    ASSERT_TRUE(doubted.ok()) << doubted.status();
+    EXPECT_THAT(doubted->doubts, Contains(unchecked));
+    EXPECT_EQ(doubted->warning, "");
+    EXPECT_GT((truth.camera_pose.inverse() * doubted->camera_pose).translation().norm(), 0.02)
+        << "which is why";
+  }
+  const auto stated = SolvePosePairs(truth.pairs, ViewOf(false), SizeTrust::kStated);
+  ASSERT_TRUE(stated.ok()) << stated.status();
+  EXPECT_THAT(stated->doubts, IsEmpty());
+  EXPECT_THAT(stated->warning, unchecked);
+}
+
+TEST(PosePairs, ThatRestOnASingleOneAreRefused) {
+  for (const int count : {12, 20}) {
+    Pairs truth(8, count);
+    for (size_t i = 1; i < truth.pairs.size(); ++i) {
+      Eigen::Isometry3d flange = truth.pairs[i].base_from_flange;
+      flange.linear() = Eigen::AngleAxisd(0.1 * static_cast<double>(i), Eigen::Vector3d::UnitZ())
+                            .toRotationMatrix();
+      truth.TakeAt(flange, truth.pairs[i]);
+    }
+    Eigen::Isometry3d tilted = truth.pairs[0].base_from_flange;
+    tilted.linear() = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()).toRotationMatrix();
+    truth.TakeAt(tilted, truth.pairs[0]);
+    EXPECT_THAT(RefusalOfPairs(truth.pairs, false),
+                HasSubstr("rests on pair 1 of its poses alone: without it "))
+        << count;
+  }
+}
+
+TEST(PosePairs, OfACameraThatMovedAreDoubted) {
+  Pairs truth(9, 30);
+  const auto still = SolvePosePairs(truth.pairs, ViewOf(false));
+  ASSERT_TRUE(still.ok()) << still.status();
+  EXPECT_THAT(still->doubts, IsEmpty());
+  for (size_t i = 18; i < truth.pairs.size(); ++i) {
+    truth.pairs[i].camera_from_board =
+        Eigen::Translation3d(0.02, 0, 0) * truth.pairs[i].camera_from_board;
+  }
+  const auto moved = SolvePosePairs(truth.pairs, ViewOf(false));
+  ASSERT_TRUE(moved.ok()) << moved.status();
+  EXPECT_THAT(moved->doubts, Contains(HasSubstr("half alone has points of the workspace")));
 }
 
 TEST(PosePairs, ThatFitOnlyWithOtherDistancesOfTheBoardsAreRefused) {

@@ -96,8 +96,9 @@ TEST(PoseRefusals, AWrongTagSizeIsToldByTheRobotsMotion) {
     rig.problem.boards[0].board = Board(board);
     EXPECT_THAT(Refusal(rig.problem),
                 AllOf(HasSubstr("measure 120"), HasSubstr("mm (+- 0."), HasSubstr("mm), not 1"),
-                      HasSubstr("mm elsewhere"), HasSubstr("--trust-size found takes them so"),
-                      HasSubstr("--trust-size stated keeps")))
+                      HasSubstr("mm elsewhere"),
+                      HasSubstr("'silhouette-calibrate poses --trust-size found' takes them so"),
+                      HasSubstr("'--trust-size stated' keeps")))
         << said;
   }
 }
@@ -160,7 +161,8 @@ TEST(PoseRefusals, ASizeThatTheMotionDoesNotCheckIsRefusedUnlessItIsVouchedFor) 
   rig.problem.boards[0].board = Board(board);
   const auto unchecked = HasSubstr("determines the size of board 'flange' (+- ");
   EXPECT_THAT(Refusal(rig.problem),
-              AllOf(unchecked, HasSubstr("by 20 cm and more"), HasSubstr("--trust-size stated"),
+              AllOf(unchecked, HasSubstr("by 20 cm and more"),
+                    HasSubstr("'silhouette-calibrate poses --trust-size stated'"),
                     HasSubstr("--accept-doubts")));
   rig.problem.size_trust = SizeTrust::kStated;
   EXPECT_THAT(Warnings(rig.problem), Contains(unchecked));

@@ -195,6 +195,20 @@ TEST(RobotModel, MeshThatIsScaledTwiceIsNamed) {
               AllOf(HasSubstr("link 'a'"), HasSubstr("1e-06 m long"), HasSubstr("scaled twice")));
 }
 
+TEST(RobotModel, MeshInMillimetresIsRefusedThoughItIsAsShortAsAGripper) {
+  const auto folder = FreshFolder();
+  WriteFile(folder / "link.stl", TetrahedronStl());
+  const auto message = [&](const std::string& scale) {
+    const std::string urdf = absl::StrReplaceAll(WithMesh("link.stl"), {{"2 2 0.5", scale}});
+    const auto robot = RobotModel::FromUrdf(WriteFile(folder / "robot.urdf", urdf));
+    return std::string(robot.status().message());
+  };
+  EXPECT_EQ(message("9 9 9"), "");
+  EXPECT_THAT(message("90 90 90"),
+              AllOf(HasSubstr("of link 'a' is 90 m, more than 10 m"),
+                    HasSubstr("a mesh in millimetres needs scale=\"0.001 0.001 0.001\"")));
+}
+
 TEST(RobotModel, LimitsNeedARangeAndNothingElse) {
   const auto joint = [](const std::string& type, const std::string& more) {
     return OneJoint("<joint name='j' type='" + type + "'><parent link='a'/><child link='b'/>" +
@@ -250,6 +264,9 @@ TEST(RobotModel, BadFilesAreOneSentence) {
   EXPECT_THAT(std::string(missing.status().message()), HasSubstr("/nowhere/robot.urdf"));
   EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'>\n</robot>"),
               HasSubstr("bad.urdf:3: not well-formed XML"));
+  EXPECT_THAT(ErrorOf("<robot name='r'>\n<link name='a'/>\n"),
+              AllOf(HasSubstr("bad.urdf"), HasSubstr("not well-formed XML"),
+                    testing::Not(HasSubstr(":0:"))));
   EXPECT_THAT(ErrorOf("<world/>"), HasSubstr("not a valid URDF"));
   EXPECT_THAT(ErrorOf(""), HasSubstr("bad.urdf: the file is empty"));
   EXPECT_THAT(ErrorOf("<robot name='r'><link name='a'><visual>\n<geometry>"
@@ -281,7 +298,8 @@ TEST(RobotModel, WhatOnlyDynamicsNeedNeedNotBeComplete) {
 
 TEST(RobotModel, TextThatIsNotUtf8IsRefusedWithTheMend) {
   EXPECT_THAT(ErrorOf("<robot name='Gr\xfcn'><link name='a'/></robot>"),
-              HasSubstr("not UTF-8; convert it, as in: iconv"));
+              HasSubstr("not UTF-8; convert it, as in: iconv -f ISO-8859-1"));
+  EXPECT_THAT(ErrorOf("\xff\xfe<"), HasSubstr("UTF-16; convert it, as in: iconv -f UTF-16"));
   EXPECT_EQ(ErrorOf("<robot name='Gr\xc3\xbcn'><link name='Arm 1/\xc3\xb6'/></robot>"), "no error");
 }
 

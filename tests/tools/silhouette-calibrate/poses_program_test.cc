@@ -261,13 +261,14 @@ std::string NumbersOf(const Eigen::Isometry3d& pose) {
   return text;
 }
 
-// A session of pairs, as MoveIt records it.
-std::string SamplesOf(const PoseRig& rig) {
+// A session of pairs, as MoveIt records it. `noise` of what is seen: metres, and radians.
+std::string SamplesOf(PoseRig& rig, double noise = 1e-5) {
   std::string samples;
   for (const RobotPose& robot : rig.problem.robot_poses) {
     absl::StrAppend(&samples, "- effector_wrt_world: [", NumbersOf(robot.base_from_flange),
                     "]\n  object_wrt_sensor: [",
-                    NumbersOf(rig.camera_poses[0] * robot.base_from_flange * rig.board_poses[0]),
+                    NumbersOf(rig.camera_poses[0] * robot.base_from_flange * rig.board_poses[0] *
+                              rig.SmallMotion(noise, noise)),
                     "]\n");
   }
   return samples;
@@ -300,8 +301,8 @@ TEST_F(CalibratePosesProgram, PairsHaveNoFiguresOfCornersAndTakeNoOptionsOfThem)
   WriteRig(rig);
   Write("samples.yaml", SamplesOf(rig));
   const std::string command = "poses --cameras lenses --pairs camera0=samples.yaml --out cameras ";
-  for (const char* option :
-       {"--sigma 1", "--robot-sigma 1mm,1deg", "--least-frames 20", "--draw"}) {
+  for (const char* option : {"--boards nowhere.yaml", "--sigma 1", "--robot-sigma 1mm,1deg",
+                             "--least-frames 20", "--draw"}) {
     const Ended refused = Run(command + option);
     EXPECT_EQ(refused.exit_code, 2) << option;
     EXPECT_THAT(refused.err, HasSubstr("--pairs"));
@@ -316,6 +317,64 @@ TEST_F(CalibratePosesProgram, PairsHaveNoFiguresOfCornersAndTakeNoOptionsOfThem)
   EXPECT_THAT(ContentOf(folder_ / "cameras/calibration.yaml"),
               AllOf(HasSubstr("workspace_sigma"), Not(HasSubstr("chi2_per_dof")),
                     Not(HasSubstr("corner_rms"))));
+}
+
+TEST_F(CalibratePosesProgram, PairsOfAViewTwiceAreRefusedAndTheCalibrationStays) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  WriteRig(rig);
+  Write("samples.yaml", SamplesOf(rig));
+  const std::string command = "poses --cameras lenses --out cameras --pairs camera0=samples.yaml ";
+  ASSERT_EQ(Run(command).exit_code, 0);
+  const std::string calibration = ContentOf(folder_ / "cameras/calibration.yaml");
+  Write("more.yaml", SamplesOf(rig));
+  const Ended twice = Run(command + "--pairs camera0=more.yaml");
+  EXPECT_EQ(twice.exit_code, 2);
+  EXPECT_THAT(twice.err, HasSubstr("--pairs has the view 'camera0' twice"));
+  ASSERT_TRUE(fs::exists(folder_ / "cameras/calibration.yaml"));
+  EXPECT_EQ(ContentOf(folder_ / "cameras/calibration.yaml"), calibration);
+}
+
+TEST_F(CalibratePosesProgram, PairsOfABoardWhoseSizeNothingChecksAreRefusedUnlessVouchedFor) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  const Eigen::Vector3d at = rig.camera_poses[0].inverse().translation();
+  for (int i = 0; i < 16; ++i) {
+    Eigen::Isometry3d flange = rig.RandomFlange(at);
+    flange.translation() = Eigen::Vector3d(0, 0, 0.7);
+    rig.Take(absl::StrCat("f", i), flange);
+  }
+  WriteRig(rig);
+  Write("samples.yaml", SamplesOf(rig, 1e-3));
+  const std::string command = "poses --cameras lenses --pairs camera0=samples.yaml --out cameras ";
+  const Ended refused = Run(command);
+  EXPECT_EQ(refused.exit_code, 1) << refused.out;
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("view 'camera0' has boards whose size the motion"),
+                                 HasSubstr("--trust-size stated"), HasSubstr("--accept-doubts")));
+  EXPECT_FALSE(fs::exists(folder_ / "cameras"));
+  for (const char* option : {"--trust-size stated", "--accept-doubts"}) {
+    const Ended taken = Run(command + option);
+    EXPECT_EQ(taken.exit_code, 0) << taken.err;
+    EXPECT_THAT(taken.out, HasSubstr("warning: view 'camera0' has boards whose size the motion"));
+  }
+}
+
+TEST_F(CalibratePosesProgram, PairsThatGiveAViewPoorlySaySo) {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  WriteRig(rig);
+  const std::string command =
+      "poses --cameras lenses --pairs camera0=samples.yaml --accept-doubts --out cameras";
+  const auto poorly = HasSubstr("view 'camera0' is known poorly");
+  Write("samples.yaml", SamplesOf(rig));
+  EXPECT_THAT(Run(command).out, Not(poorly));
+  Write("samples.yaml", SamplesOf(rig, 0.01));
+  const Ended ended = Run(command);
+  ASSERT_EQ(ended.exit_code, 0) << ended.err;
+  EXPECT_THAT(ended.out, poorly);
+  EXPECT_THAT(ContentOf(folder_ / "cameras/calibration.yaml"), poorly);
 }
 
 // Files may grow to 4 KB: residuals.csv is longer, and the program dies as at a full disk.

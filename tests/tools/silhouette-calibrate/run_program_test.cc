@@ -256,6 +256,40 @@ TEST_F(CalibrateRunWithoutLenses, WhatIntrinsicsRefusesIsRefused) {
   EXPECT_FALSE(fs::exists(fs::path(session()) / "cameras"));
 }
 
+// Boards that stand still would be of another kind, and show the lens one place of the image.
+TEST_F(CalibrateRunWithoutLenses, OnlyTheBoardOnTheFlangeGivesThem) {
+  WriteCell("");
+  WriteSession(0);
+  const fs::path corners = fs::path(session()) / "corners.csv";
+  std::vector<TagSighting> sightings = *SightingsFromText(ContentOf(corners), "corners.csv");
+  ASSERT_GE(sightings.size(), 3u);
+  sightings.resize(3);
+  for (size_t i = 0; i < 3; ++i) {
+    sightings.push_back(sightings[i]);
+    sightings.back().tag = 5;
+  }
+  WriteFile(corners, SightingFileText(sightings));
+  // Too many tags for a lens.
+  WriteFile(folder_ / "boards.yaml",
+            ContentOf(folder_ / "boards.yaml") +
+                "- {name: wall, family: tagStandard41h12, rows: 40, columns: 52, tag_size: 0.12, "
+                "gap: 0.12, first_id: 1}\n");
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 80 --resume")), 1) << err();
+  EXPECT_THAT(err(), HasSubstr("The images are kept: "));
+  EXPECT_THAT(err(), Not(HasSubstr("board 'wall'")));
+}
+
+TEST_F(CalibrateRunWithoutLenses, ThatABoardCannotGiveAreRefusedWithTheWayToGoOn) {
+  WriteCell("");
+  WriteSession(0);
+  WriteFile(folder_ / "boards.yaml",
+            "- {name: flange, family: tagStandard41h12, rows: 40, columns: 52, tag_size: 0.12, "
+            "gap: 0.12, first_id: 0}\n");
+  EXPECT_EQ(Run("silhouette-calibrate", Command("--frames 80 --resume")), 2) << err();
+  EXPECT_THAT(err(), HasSubstr("it needs a lattice too large for the lenses"));
+  EXPECT_THAT(err(), HasSubstr("The images are kept: "));
+}
+
 TEST_F(CalibrateRunWithoutLenses, ACalibrationThatItsReportFindsUnstableIsANo) {
   WriteCell("");
   const std::string solve =
