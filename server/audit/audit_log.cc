@@ -15,6 +15,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "capture/devices/running_clock.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -58,7 +59,7 @@ AuditLog::AuditLog(std::string path, int file, const AuditFile& audit)
     spdlog::warn("audit file '{}': line {} was not written whole, and is cut off: {}", path_,
                  end_.lines + 1, cut);
     Note({.time = absl::Now(),
-          .running = absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch()),
+          .running = RunningNow(),
           .who = "server",
           .what = "audit.mended",
           .detail = "cut off an incomplete line: " + cut});

@@ -156,11 +156,6 @@ absl::Status JointPoller::Ask() {
   if (state->not_before && state->not_before == not_before_) return absl::OkStatus();  // not new
   not_before_ = state->not_before;
   const std::vector<std::string>& known = robot_->joints();
-  if (state->positions.size() != known.size()) {
-    return absl::InternalError(absl::StrCat("the robot reported the positions of ",
-                                            state->positions.size(), " joints and has ",
-                                            known.size()));
-  }
   std::vector<double> positions;
   for (const std::string& joint : joints_) {
     positions.push_back(

@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/text/degrees_hint.h"
 #include "db/mask/configuration_grid.h"
 #include "db/status/status_macros.h"
 
@@ -48,6 +49,16 @@ absl::StatusOr<Positions> PositionsByName(const storage::v1::CellDescription& ce
   }
   return positions;
 }
+
+// "(0.5, -0.2)", to a millionth.
+std::string PlaceText(const Configuration& q) {
+  const auto append = [](std::string* text, double value) {
+    absl::StrAppend(text, std::round(value * 1e6) / 1e6 + 0.0);  // not "-0"
+  };
+  return absl::StrCat("(", absl::StrJoin(q, ", ", append), ")");
+}
+
+std::string UnitHint(const Configuration& q) { return DegreesHint(q, ", or publish radians"); }
 
 // "0.5", or "0.499 to 0.502".
 std::string PlacesOf(const FixedJointRange& joint) {
@@ -118,14 +129,15 @@ std::vector<RobotCover> DrawnCoversAt(const ServedDatabase& database, const Conf
   const RobotImageTable& images = database.robot_images();
   const RobotImageState state = images.StateBetween(q, q);
   if (state != RobotImageState::kPresent) {
-    const std::string place = absl::StrCat("the robot is at (", absl::StrJoin(q, ", "), "), ");
+    const std::string place = absl::StrCat("the robot is at ", PlaceText(q), ", ");
     defects.push_back(state == RobotImageState::kExcluded
                           ? SceneDefect{Reason::kRobotImageOfSceneMissing,
                                         absl::StrCat(place, "which ", WhyUnusable(database, state))}
                           : SceneDefect{Reason::kRobotPositionUnknown,
                                         absl::StrCat(place,
                                                      "outside the limits of its joints, or "
-                                                     "outside the grid; move it back")});
+                                                     "outside the grid; move it back",
+                                                     UnitHint(q))});
     return {};
   }
   const std::vector<Mask> touched = images.drawn()->Touched(q);
@@ -142,12 +154,12 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
                                  std::vector<SceneDefect>& defects) {
   const RobotImageTable& images = database.robot_images();
   if (images.drawn() != nullptr) return DrawnCoversAt(database, q, defects);
-  const std::string place = absl::StrCat("(", absl::StrJoin(q, ", "), ")");
+  const std::string place = PlaceText(q);
   const CellCorners corners = database.grid().CornersAround(q);
   if (corners.count() == 0) {
     defects.push_back(
         {Reason::kRobotPositionUnknown,
-         absl::StrCat("the robot is at ", place, ", outside the grid; move it back")});
+         absl::StrCat("the robot is at ", place, ", outside the grid; move it back", UnitHint(q))});
     return {};
   }
   const auto reason_of = [](RobotImageState state) {
@@ -156,9 +168,9 @@ std::vector<RobotCover> CoversAt(const ServedDatabase& database, const Configura
   };
   const auto add_defect = [&](ConfigurationNumber corner, RobotImageState state) {
     const std::string which =
-        corners.count() == 1 ? "which"
-                             : absl::StrCat("and next to it (",
-                                            absl::StrJoin(database.grid().At(corner), ", "), ")");
+        corners.count() == 1
+            ? "which"
+            : absl::StrCat("and next to it ", PlaceText(database.grid().At(corner)));
     defects.push_back({reason_of(state), absl::StrCat("the robot is at ", place, ", ", which, " ",
                                                       WhyUnusable(database, state))});
   };

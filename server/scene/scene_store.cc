@@ -58,6 +58,10 @@ absl::StatusOr<SharedScene> SceneStore::Publish(
     return absl::AbortedError(
         "the database was replaced while the scene was being made; publish it again");
   }
+  // It has no image that later ones would have to be newer than.
+  if (std::ranges::none_of(scene.views, [](const auto& view) { return view.has_value(); })) {
+    scene.newest = scenes_.empty() ? absl::ZeroDuration() : scenes_.back()->newest;
+  }
   if (!scenes_.empty()) {
     const absl::Duration older = OlderBy(scene, *scenes_.back());
     if (older > kClockJitter) {

@@ -228,20 +228,22 @@ absl::Status Answer(Serving& serving, const v1::CheckConfigurationsRequest& requ
   const std::optional<ClearanceMeter> meter =
       request.include_clearance() ? checker.Clearances() : std::nullopt;
   std::vector<Finding> findings;
+  std::vector<std::vector<std::string>> regions;
   std::vector<ViewEvidence> evidence(views * configurations.size());
   const auto evidence_of = [&](size_t i) { return std::span(evidence).subspan(i * views, views); };
   for (size_t i = 0; i < configurations.size(); ++i) {
     if (Stopped(cancelled)) return absl::CancelledError();
     findings.push_back(
         CheckOne(checker, configurations[i], evidence_of(i), meter ? &*meter : nullptr));
+    regions.push_back(checker.RegionsAt(configurations[i]));
   }
   const Reason blocked =
       Conclude(serving, checker.served(), checker.policy(), response->mutable_basis());
   for (size_t i = 0; i < findings.size(); ++i) {
     const Verdict verdict = Final(findings[i].verdict, blocked);
     serving.verdicts.Add(verdict);
-    ToMessage(verdict, evidence_of(i), checker.RegionsAt(configurations[i]), findings[i].clearance,
-              database, response->add_verdicts());
+    ToMessage(verdict, evidence_of(i), regions[i], findings[i].clearance, database,
+              response->add_verdicts());
   }
   return absl::OkStatus();
 }

@@ -72,20 +72,20 @@ class Collisions final : public CollisionCalls {
 
   grpc::ServerWriteReactor<grpc::ByteBuffer>* GetConfigurationSpace(
       grpc::CallbackServerContext* context, const grpc::ByteBuffer* request) override {
-    const std::string client = ClientOf(*context);
-    absl::Status admitted = serving_.clients.Call(client);
-    const auto writer =
-        SpaceWriter::Start(context, serving_.settings.longest_write, serving_.watches);
-    if (admitted.ok() && !serving_.workers.Run(client, request->Length(), [=, this] {
-          const absl::Status status =
-              context->IsCancelled()
-                  ? absl::CancelledError()
-                  : Guarded([&] { return SendSpace(context, *request, *writer); });
-          if (!status.ok()) writer->Finish(ToGrpc(status));
-        })) {
-      admitted = serving_.clients.TooBusy(client);
+    absl::StatusOr<Clients::Place> place = AdmitStream(serving_, *context);
+    if (!place.ok()) {
+      return new Refusal<grpc::ServerWriteReactor<grpc::ByteBuffer>>(place.status());
     }
-    if (!admitted.ok()) writer->Finish(ToGrpc(admitted));
+    const std::string client = ClientOf(*context);
+    const auto writer = SpaceWriter::Start(context, *std::move(place),
+                                           serving_.settings.longest_write, serving_.watches);
+    const bool accepted = serving_.workers.Run(client, request->Length(), [=, this] {
+      const absl::Status status =
+          context->IsCancelled() ? absl::CancelledError()
+                                 : Guarded([&] { return SendSpace(context, *request, *writer); });
+      if (!status.ok()) writer->Finish(ToGrpc(status));
+    });
+    if (!accepted) writer->Finish(ToGrpc(serving_.clients.TooBusy(client)));
     return writer.get();
   }
 

@@ -94,6 +94,9 @@ void TellScene(const Serving& serving, Families& to) {
              checked.bytes);
   to.Counter("silhouette_index_compared_total",
              "Verdicts of maps that were compared with robot images", checked.compared);
+  to.Gauge("silhouette_scene_max_age_seconds",
+           "Age above which a scene makes nothing free: max_age",
+           absl::ToDoubleSeconds(serving.settings.scene.max_age));
   const SharedScene scene = serving.scenes.Find(0);
   if (scene == nullptr) return;
   to.Counter("silhouette_scenes_total", "Scenes published since the server started", scene->id);

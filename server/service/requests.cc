@@ -193,7 +193,8 @@ absl::StatusOr<Configuration> ConfigurationFrom(const v1::Configuration& message
     absl::StrAppend(&joints, joints.empty() ? "" : ", ", joint.name);
   }
   return FieldError(field, absl::StrCat("it has ", message.positions_size(),
-                                        " positions and takes one for each of ", joints));
+                                        message.positions_size() == 1 ? " position" : " positions",
+                                        " and takes one for each of ", joints));
 }
 
 absl::StatusOr<SceneInput> SceneInputFrom(const v1::PublishSceneRequest& message,

@@ -50,7 +50,7 @@ class Server {
   Serving& serving() { return serving_; }
 
   // Publishes a scene made in this process, as PublishScene does. Errors: those of
-  // SceneStore::Publish. Thread-safe, until Stop().
+  // SceneStore::Publish. Thread-safe.
   absl::StatusOr<SharedScene> Publish(Scene scene,
                                       const std::shared_ptr<const ServedDatabase>& database) {
     return serving_.publisher.Publish(std::move(scene), database);

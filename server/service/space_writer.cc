@@ -80,8 +80,10 @@ absl::StatusOr<std::vector<double>> ClearanceLevelsFrom(
 }
 
 std::shared_ptr<SpaceWriter> SpaceWriter::Start(grpc::CallbackServerContext* context,
-                                                absl::Duration longest_write, WatchHub& watches) {
-  const std::shared_ptr<SpaceWriter> writer(new SpaceWriter(context, longest_write));
+                                                Clients::Place place, absl::Duration longest_write,
+                                                WatchHub& watches) {
+  const std::shared_ptr<SpaceWriter> writer(
+      new SpaceWriter(context, std::move(place), longest_write));
   writer->self_ = writer;
   watches.Add(writer);
   return writer;
@@ -93,6 +95,7 @@ void SpaceWriter::Tell(uint64_t) {
 }
 
 void SpaceWriter::OnDone() {
+  place_.reset();
   {
     const std::lock_guard lock(mutex_);
     write_end_.reset();

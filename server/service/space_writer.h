@@ -18,6 +18,7 @@
 #include "absl/time/time.h"
 #include "db/mask/configuration_grid.h"
 #include "server/scene/configuration_space.h"
+#include "server/service/clients.h"
 #include "server/service/watch_hub.h"
 #include "silhouette/v1/collision_service.pb.h"
 
@@ -60,9 +61,11 @@ class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, pub
   // at that.
   static constexpr int kTilesPerMessage = 512;
 
-  // `watches`: what looks whether parts are taken.
+  // `place`: among the client's streams, kept until the end. `watches`: what looks whether parts
+  // are taken.
   static std::shared_ptr<SpaceWriter> Start(grpc::CallbackServerContext* context,
-                                            absl::Duration longest_write, WatchHub& watches);
+                                            Clients::Place place, absl::Duration longest_write,
+                                            WatchHub& watches);
 
   // Sends `tiles` of `space`, which are all ready, after a first message that is `first`; with them
   // those of `clearances`, ready as well, if it is not null, and with `cells` the free cells,
@@ -78,14 +81,16 @@ class SpaceWriter final : public grpc::ServerWriteReactor<grpc::ByteBuffer>, pub
  private:
   using Clock = std::chrono::steady_clock;
 
-  SpaceWriter(grpc::CallbackServerContext* context, absl::Duration longest_write)
-      : context_(context), longest_write_(longest_write) {}
+  SpaceWriter(grpc::CallbackServerContext* context, Clients::Place place,
+              absl::Duration longest_write)
+      : context_(context), place_(std::move(place)), longest_write_(longest_write) {}
 
   void OnWriteDone(bool ok) override;
   void OnDone() override;
   void SendNext();
 
   grpc::CallbackServerContext* const context_;
+  Clients::Place place_;
   const absl::Duration longest_write_;
   std::shared_ptr<SpaceWriter> self_;
   std::mutex mutex_;

@@ -120,12 +120,12 @@ void SceneWatch::AddImages() {
   images_sent_ = now;
   v1::WatchScenesResponse& part = parts_.emplace_back();
   part.set_images_scene(images->scene);
-  const ServedDatabase& database = *serving().scenes.database();
-  const size_t views = std::min(images->images.size(), static_cast<size_t>(database.views()));
+  const std::shared_ptr<const ServedDatabase> database = serving().scenes.database();
+  const size_t views = std::min(images->images.size(), static_cast<size_t>(database->views()));
   for (size_t view = 0; view < views; ++view) {
     if (!images->images[view]) continue;
     v1::CameraPicture& picture = *part.add_images();
-    picture.set_view(database.view_name(static_cast<int>(view)));
+    picture.set_view(database->view_name(static_cast<int>(view)));
     picture.set_jpeg(JpegOf(*images->images[view], kRecordedImageWidth));
   }
 }
@@ -271,6 +271,11 @@ void CheckStream::Start() {
   serving_.watches.Add(self_);
 }
 
+void CheckStream::Tell(uint64_t) {
+  const std::lock_guard lock(mutex_);
+  if (write_end_ && std::chrono::steady_clock::now() > *write_end_) context_->TryCancel();
+}
+
 void CheckStream::End() {
   const absl::Status status = absl::UnavailableError("the server stops; ask again when it is back");
   {
@@ -331,11 +336,17 @@ void CheckStream::Work(const std::function<absl::Status()>& answer) {
     answer_.mutable_error()->set_message(std::string(status.message()));
   }
   WriteMessage(answer_, &bytes_);
+  {
+    const std::lock_guard lock(mutex_);
+    write_end_ = std::chrono::steady_clock::now() +
+                 absl::ToChronoNanoseconds(serving_.settings.longest_write);
+  }
   StartWrite(&bytes_);
 }
 
 void CheckStream::OnWriteDone(bool ok) {
   std::unique_lock lock(mutex_);
+  write_end_.reset();
   if (ok && !ending_) {
     step_ = Step::kReading;
     StartRead(&bytes_);

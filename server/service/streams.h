@@ -270,8 +270,8 @@ class SpaceWatch final : public WatchWriter<v1::WatchConfigurationSpaceResponse>
 // A refused question gets its error under its id. One that is too large or cannot be parsed ends
 // the call, as does one of more than kReadForItsId bytes that the client's limits refuse: its id is
 // not known. Reads a question only when the answer to the one before has been
-// taken by the transport: a caller that does not read its answers does not delay others. Keeps
-// itself alive until the call is over.
+// taken by the transport: a caller that does not read its answers does not delay others, and is cut
+// off after `longest_write` of the settings. Keeps itself alive until the call is over.
 class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>,
                           public Watcher,
                           public std::enable_shared_from_this<CheckStream> {
@@ -286,7 +286,7 @@ class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   // Once, when the call comes.
   void Start();
 
-  void Tell(uint64_t) override {}
+  void Tell(uint64_t) override;
   void End() override;
 
  private:
@@ -313,6 +313,7 @@ class CheckStream final : public grpc::ServerBidiReactor<grpc::ByteBuffer, grpc:
   v1::StreamChecksResponse answer_;
   std::mutex mutex_;
   Step step_ = Step::kReading;
+  std::optional<std::chrono::steady_clock::time_point> write_end_;  // of the answer under way
   std::optional<absl::Status> ending_;
 };
 

@@ -17,6 +17,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/clock.h"
+#include "calib/files/calibration_message.h"
 #include "capture/segmentation/down_sampling.h"
 #include "common/picture/files.h"
 #include "common/picture/mask_png.h"
@@ -389,6 +390,13 @@ void LogSeparation(const ServedDatabase& database, const Cell& cell) {
                      "nobody can be there");
 }
 
+// Which calibration the database holds, as ServedDatabase has it.
+absl::StatusOr<std::string> StoredFingerprint(const Database& database) {
+  ASSIGN_OR_RETURN(const Snapshot snapshot, database.Read());
+  ASSIGN_OR_RETURN(const auto calibration, snapshot.Calibration());
+  return calibration ? FingerprintOf(*calibration) : std::string();
+}
+
 // Why nothing may rest on the calibration; empty: there is none, or nothing speaks against it.
 // FailedPrecondition: it is not that of the robot images, and margins, which no preset does
 // without, rest on it. Errors of MisplacedViews.
@@ -451,10 +459,15 @@ absl::StatusOr<std::shared_ptr<const ServedDatabase>> LoadDatabase(const Cell& c
   ASSIGN_OR_RETURN(load.forbidden, ForbiddenOf(cell));
   ASSIGN_OR_RETURN(load.drawn, DrawnCellOf(cell));
   for (const std::string& doubt : Doubts(cell)) spdlog::warn("{}: {}", cell.file, doubt);
+  ASSIGN_OR_RETURN(const std::string doubted, StoredFingerprint(*database));
   ASSIGN_OR_RETURN(load.calibration_doubt, CalibrationDoubtOf(cell, *database));
   spdlog::info("loading '{}'{}", path, sound ? VoxelsText(*sound, cell.views.size()) : "");
   const auto served = ServedDatabase::Load(*database, cell.calibration, treatments, sound, load);
   if (!served.ok()) return served;
+  if ((*served)->calibration_fingerprint() != doubted) {
+    return absl::UnavailableError(absl::StrCat(
+        "the calibration of '", path, "' was replaced while it was loaded; load it again"));
+  }
   if ((*served)->unverified_model() && !unverified) {
     return absl::FailedPreconditionError(
         absl::StrCat("the robot images of '", cell.file,

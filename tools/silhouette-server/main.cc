@@ -95,24 +95,8 @@ std::shared_ptr<LiveRecord> NewLiveRecord(const Cell& cell) {
                                       variant.empty() ? KnownVariant() : KnownVariant(variant));
 }
 
-// The latency and the timeout of a view's camera; 0: it has none.
-std::pair<absl::Duration, absl::Duration> DelaysOf(const ImageSource& source) {
-  return std::visit(
-      [](const auto& camera) {
-        std::pair<absl::Duration, absl::Duration> delays;
-        if constexpr (requires { camera.latency; }) delays.first = camera.latency;
-        if constexpr (requires { camera.trigger; }) {
-          if (camera.trigger == CameraTrigger::kSoftware) delays.first = absl::ZeroDuration();
-        }
-        if constexpr (requires { camera.timeout; }) delays.second = camera.timeout;
-        return delays;
-      },
-      source);
-}
-
-// Warns of sources whose scenes are stale for long, or not of the cell as it is now.
+// Warns of sources whose scenes are not of the cell as it is now.
 void WarnOfSources(const Cell& cell) {
-  const absl::Duration max_age = cell.server.scene.max_age;
   const bool simulated = std::holds_alternative<SimulatedRobotDriver>(cell.robot.driver);
   for (const ViewSettings& view : cell.views) {
     if (std::holds_alternative<VideoSource>(view.source) ||
@@ -127,22 +111,6 @@ void WarnOfSources(const Cell& cell) {
           "view '{}' is not simulated, but the robot is: the robot's reported joints are not those "
           "that this view shows; state the 'driver' of the cell's robot, or 'source: sim'",
           view.name);
-    }
-    const auto [latency, timeout] = DelaysOf(view.source);
-    // An image is taken for as old as its latency when it comes, and the next one comes at the
-    // earliest a latency later.
-    if (2 * latency >= 0.9 * max_age) {
-      spdlog::warn(
-          "view '{}': with a latency of {} a scene is more than {} old before the next one comes, "
-          "and is stale meanwhile: state a greater 'server: max_age' than {}, or the camera's "
-          "latency if it is less",
-          view.name, SpokenTime(latency), SpokenTime(2 * latency), SpokenTime(max_age));
-    }
-    if (timeout >= max_age) {
-      spdlog::warn(
-          "view '{}': if its camera is silent it delays all views by its timeout, {}, and the "
-          "whole cell is unknown: state a 'timeout' of less than 'server: max_age', {}",
-          view.name, SpokenTime(timeout), SpokenTime(max_age));
     }
   }
 }
@@ -319,9 +287,9 @@ absl::Status Serve(const Options& options, Signals& signals) {
   reloader->Leave();
   sd_notify(0, "STOPPING=1");
   spdlog::info("stopping; calls in flight may take {} more", SpokenTime(kGrace));
-  live.reset();
   page.reset();
   server->Stop(kGrace);
+  live.reset();  // last: it waits for a camera that is silent
   spdlog::info("stopped");
   if (reloads.wait_for(std::chrono::milliseconds(100)) == std::future_status::ready) {
     return absl::OkStatus();

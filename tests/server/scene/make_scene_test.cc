@@ -237,6 +237,16 @@ TEST_F(MakeSceneTest, WithoutTheRobotPositionIsDefect) {
 TEST_F(MakeSceneTest, WithTheRobotOutsideTheGridIsDefect) {
   input.joints = JointsAt({4.2, 0});
   EXPECT_EQ(TheDefect(), Reason::kRobotPositionUnknown);
+  EXPECT_THAT(Make(*database, input)->defects[0].message, ::testing::Not(HasSubstr("degrees")));
+}
+
+TEST_F(MakeSceneTest, RobotPositionThatSeemsToBeInDegreesIsAskedAbout) {
+  input.joints = JointsAt({20, -1e-17});
+  EXPECT_EQ(TheDefect(), Reason::kRobotPositionUnknown);
+  EXPECT_EQ(
+      Make(*database, input)->defects[0].message,
+      "the robot is at (20, 0), outside the grid; move it back (joint values are radians; did "
+      "you mean degrees? Write 90deg, or publish radians)");
 }
 
 TEST_F(MakeSceneTest, WithAFixedJointThatMovedIsDefect) {

@@ -80,6 +80,25 @@ TEST(SceneStore, NewerImagesAreServedThoughAnotherViewsImageIsLate) {
             "the images are 500 ms older than those of scene 3, which is served");
 }
 
+TEST(SceneStore, SceneWithoutImagesKeepsNoLaterOneOutHoweverLongItsImagesWereUnderWay) {
+  const auto database = NewDatabase();
+  for (const bool first : {true, false}) {
+    SceneStore store(database);
+    if (!first) {
+      ASSERT_TRUE(
+          store.Publish(SceneStoreSceneOf(*database, kStart - absl::Seconds(1)), database).ok());
+    }
+    SceneInput none = EmptyCellScene();
+    for (ViewInput& view : none.views) view.image = LeftOut{};
+    const auto empty = store.Publish(*MakeScene(*database, none, {}, {}, kSceneStoreNow), database);
+    ASSERT_TRUE(empty.ok()) << empty.status();
+    EXPECT_EQ(store.Newest(kSceneStoreNow).scene, *empty);
+    const auto next =
+        store.Publish(SceneStoreSceneOf(*database, kStart - absl::Milliseconds(500)), database);
+    EXPECT_TRUE(next.ok()) << next.status();
+  }
+}
+
 TEST(SceneStore, WallClockThatIsSetNeitherRefusesNewImagesNorMakesOldOnesYoung) {
   for (const double step : {-60.0, -5.0, 5.0, 60.0}) {
     const auto database = NewDatabase();

@@ -161,7 +161,8 @@ TEST_F(AcquisitionServiceTest, MetricsAreToldToPrometheus) {
   const std::string told = HttpGet(server.server->metrics_address(), "/metrics");
   for (const char* line :
        {"silhouette_database_generation ", "silhouette_scenes_total 1",
-        "silhouette_scene_age_seconds 0.25", "silhouette_verdicts_total{verdict=\"free\"} ",
+        "silhouette_scene_age_seconds 0.25", "silhouette_scene_max_age_seconds 1\n",
+        "silhouette_verdicts_total{verdict=\"free\"} ",
         "silhouette_live_images_total{view=\"left\"} 1",
         "silhouette_live_image_errors_total{view=\"right\"} 1",
         "silhouette_live_image_age_seconds{view=\"top\"} 0", "silhouette_live_joints_total 1",

@@ -118,7 +118,7 @@ TEST_F(CollisionServiceTest, WrongNumberOfPositionsIsRefusedByName) {
   v1::CheckPathRequest path;
   EXPECT_EQ(Refusal(path), "waypoints: a path has at least one");
   Set({1}, path.add_waypoints());
-  EXPECT_EQ(Refusal(path), "waypoints[0]: it has 1 positions and takes one for each of a, b");
+  EXPECT_EQ(Refusal(path), "waypoints[0]: it has 1 position and takes one for each of a, b");
 }
 
 TEST_F(CollisionServiceTest, TooMuchAtOnceIsRefused) {

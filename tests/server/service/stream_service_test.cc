@@ -70,7 +70,7 @@ TEST_F(StreamServiceTest, QuestionThatCannotBeAnsweredDoesNotEndTheCall) {
   EXPECT_EQ(wrong.id(), 1u);
   EXPECT_EQ(wrong.error().code(), grpc::StatusCode::INVALID_ARGUMENT);
   EXPECT_EQ(wrong.error().message(),
-            "configurations[0]: it has 1 positions and takes one for each of a, b");
+            "configurations[0]: it has 1 position and takes one for each of a, b");
   EXPECT_EQ(asking.Next().error().message(), "question: ask for configurations or for a path");
   EXPECT_EQ(asking.Next().error().message(), "waypoints: a path has at least one");
   EXPECT_EQ(asking.Next().configurations().verdicts(0).state(), v1::Verdict::STATE_FREE);

@@ -111,10 +111,11 @@ TEST(WatchBackPressure, WhoTakesNothingIsCutOff) {
   EXPECT_EQ(stalled.Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 
-TEST(WatchBackPressure, WhoTakesNoConfigurationSpaceIsCutOff) {
+TEST(WatchBackPressure, WhoTakesNoConfigurationSpaceIsCutOffAndCountsAsAStreamUntilThen) {
   const auto database = LargeDatabase();
   ServingSettings settings;
   settings.longest_write = absl::Seconds(2);
+  settings.limits.streams_per_client = 1;
   TestServer server(database, settings);
   server.Publish(InLargeDatabase(database->grid(), EmptyCellScene()));
   // Ten megabytes: more than a transport takes unread.
@@ -124,8 +125,29 @@ TEST(WatchBackPressure, WhoTakesNoConfigurationSpaceIsCutOff) {
   const auto stalled = server.collision->GetConfigurationSpace(&context, request);
   v1::GetConfigurationSpaceResponse message;
   EXPECT_TRUE(stalled->Read(&message));
+  grpc::ClientContext second;
+  EXPECT_EQ(server.collision->GetConfigurationSpace(&second, request)->Finish().error_code(),
+            grpc::StatusCode::RESOURCE_EXHAUSTED);
   std::this_thread::sleep_for(std::chrono::seconds(4));
   while (stalled->Read(&message)) continue;
+  EXPECT_EQ(stalled->Finish().error_code(), grpc::StatusCode::CANCELLED);
+}
+
+TEST(WatchBackPressure, WhoTakesNoAnswersOfAStreamIsCutOff) {
+  ServingSettings settings;
+  settings.longest_write = absl::Seconds(2);
+  TestServer server(NewDatabase(), settings);
+  server.Publish(EmptyCellScene());
+  grpc::ClientContext context;
+  const auto stalled = server.collision->StreamChecks(&context);
+  // Megabytes of answers: more than a transport takes unread.
+  v1::StreamChecksRequest request;
+  for (int i = 0; i < 10'000; ++i)
+    Set(At(0, 0), request.mutable_configurations()->add_configurations());
+  for (int i = 0; i < 20 && stalled->Write(request); ++i) continue;
+  std::this_thread::sleep_for(std::chrono::seconds(4));
+  v1::StreamChecksResponse answer;
+  while (stalled->Read(&answer)) continue;
   EXPECT_EQ(stalled->Finish().error_code(), grpc::StatusCode::CANCELLED);
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // silhouette-server --live on a simulated cell, as a user runs it.
+#include <arpa/inet.h>
 #include <gmock/gmock.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <chrono>
 #include <csignal>
@@ -166,11 +169,36 @@ TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
 
 TEST_F(LiveProgramTest, TimeoutThatMakesScenesStaleIsToldAtTheStart) {
   EXPECT_THAT(LogWith("{rtsp: 'rtsp://127.0.0.1:9/'}", "5 s"),
-              HasSubstr("view 'top': if its camera is silent it delays all views by its timeout, 5 "
-                        "s, and the whole cell is unknown"));
+              HasSubstr("view 'top': a silent camera delays all views by its timeout, 5 s, and the "
+                        "whole cell is unknown"));
   EXPECT_THAT(
       LogWith("{rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 100 ms, timeout: 400 ms}}", "5 s"),
-      Not(HasSubstr("if its camera is silent")));
+      Not(HasSubstr("silent camera")));
+}
+
+TEST_F(LiveProgramTest, CallsHaveTheirGraceAndTheEndIsRecordedThoughACameraIsSilent) {
+  // It takes connections, and never answers.
+  const int silent = socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof at;
+  ASSERT_EQ(bind(silent, reinterpret_cast<sockaddr*>(&at), size), 0);
+  ASSERT_EQ(listen(silent, 16), 0);
+  ASSERT_EQ(getsockname(silent, reinterpret_cast<sockaddr*>(&at), &size), 0);
+  const std::string source =
+      absl::StrCat("{grpc: {address: '127.0.0.1:", ntohs(at.sin_port), "', timeout: 30 s}}");
+  const std::string file = *cell / "silent.yaml";
+  WriteText(file,
+            absl::StrReplaceAll(ReadText(cell->cell()),
+                                {{"max_age: 20 s", "max_age: 20 s, audit: silent.jsonl"},
+                                 {"name: top, source: sim", "name: top, source: " + source}}));
+  StartOnly("--live", file);
+  server->Address();
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // until it waits for the camera
+  EXPECT_EQ(server->End(SIGTERM), 3) << "something hangs";
+  EXPECT_THAT(ReadText(*cell / "silent.jsonl"), HasSubstr("server.stop"));
+  close(silent);
 }
 
 TEST_F(LiveProgramTest, RecordingIsToldAtTheStart) {
