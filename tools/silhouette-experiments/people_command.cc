@@ -119,9 +119,12 @@ absl::StatusOr<std::string> BasisOf(const SimulatedWorkplace& workplace,
   ASSIGN_OR_RETURN(const std::string simulation, ReadWholeFile(cell.simulation));
   files += simulation;
   files += DigestOf(stage.robot());
+  // Results of another build are of another method.
+  ASSIGN_OR_RETURN(const std::string program, ReadWholeFile("/proc/self/exe"));
+  files += program;
   return absl::StrFormat(
-      "%s %s %d, least obstacle %.17g m, %.17g images a second, cell files %016x", cell.name,
-      arguments.images, stage.database()->generation(),
+      "%s %s %d, least obstacle %.17g m, %.17g images a second, cell files and program %016x",
+      cell.name, arguments.images, stage.database()->generation(),
       cell.sound ? cell.sound->least_obstacle : arguments.least_obstacle, arguments.rate,
       XXH3_64bits(files.data(), files.size()));
 }

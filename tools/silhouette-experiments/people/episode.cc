@@ -179,7 +179,10 @@ class Episode {
     if (!arrived_short) decision_ = method_.Decide(situation);
     const bool blocked = arrived_short || decision_.speed == 0;
     since_plan_ += 1;
-    if (!blocked || !robot_.stands() || since_plan_ < kDecisionsOfPlan) return absl::OkStatus();
+    const bool can_plan = !method_.preset() || checker;
+    if (!blocked || !robot_.stands() || !can_plan || since_plan_ < kDecisionsOfPlan) {
+      return absl::OkStatus();
+    }
     std::vector<Configuration> way = method_.Plan(situation, stage_.joint_space(), Goal());
     since_plan_ = 0;
     if (way.size() < 2) return absl::OkStatus();
@@ -238,7 +241,8 @@ class Episode {
     counts_.least_over_stopping =
         std::min(counts_.least_over_stopping, distance - robot_.StoppingDistance());
     if (decision_.leaves) counts_.leaving += tick_;
-    const bool too_fast = !decision_.leaves && decision_.speed > method_.AllowedInTruth(now);
+    const bool too_fast = decision_.speed > method_.AllowedInTruth(now) &&
+                          !(decision_.leaves && method_.LeadsAwayInTruth(now));
     if (too_fast) {
       counts_.too_fast += tick_;
       reaction_ += tick_;

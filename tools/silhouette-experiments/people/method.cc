@@ -159,6 +159,8 @@ class SpeedLevels : public Method {
     const auto along = Along(now, direct);
     if (!along) return {};
     if (along->distance >= protective_.front()) return direct;
+    // Where it may not leave, it keeps its way until people are farther away.
+    if (along->at_start <= rule().leave_from) return {};
     if (along->at_start < protective_.front()) return WayOut(now, space);
     std::vector<Configuration> way = WayAround(now, space, goal);
     // Or as far as people permit.
@@ -170,12 +172,19 @@ class SpeedLevels : public Method {
         now, [&](const std::vector<Configuration>& way) { return InTruth(now, way); });
     return kept->count == 0 ? 0 : rule().separation.levels[kept->count - 1].speed;
   }
+  bool LeadsAwayInTruth(const Situation& now) const override {
+    const std::vector<Configuration> way = now.robot.Ahead(kWayOut);
+    const PathDistance path = InTruth(now, way).value();
+    return path.distance >= path.at_start - kSameDistance &&
+           now.truth.Distance(way.back(), protective_.back()) > path.at_start;
+  }
 
  protected:
   // Metres; nothing: not known.
   virtual std::optional<PathDistance> Along(const Situation& now,
                                             const std::vector<Configuration>& way) const = 0;
-  virtual double At(const Situation& now, std::span<const double> q) const = 0;
+  // Exact as far as it is below `limit`; else at least that.
+  virtual double At(const Situation& now, std::span<const double> q, double limit) const = 0;
   // Along, by the truth; always known.
   std::optional<PathDistance> InTruth(const Situation& now,
                                       const std::vector<Configuration>& way) const {
@@ -234,7 +243,7 @@ class SpeedLevels : public Method {
     const auto along = Along(now, way);
     return along && along->at_start > rule().leave_from + Approach() &&
            along->distance >= along->at_start - kSameDistance &&
-           At(now, way.back()) >= along->at_start + kGain;
+           At(now, way.back(), protective_.back()) >= along->at_start + kGain;
   }
   // Keeps the distance of the slowest level; empty: none was found.
   std::vector<Configuration> WayAround(const Situation& now, const JointSpace& space,
@@ -246,23 +255,34 @@ class SpeedLevels : public Method {
         return along && along->distance >= least;
       });
     }
-    const auto keeps = [&](std::span<const double> q) { return At(now, q) >= least; };
+    const auto keeps = [&](std::span<const double> q) { return At(now, q, least) >= least; };
     const FreeSpace free{
         .point = [&](ConfigurationNumber number) { return keeps(space.grid.At(number)); },
         .configuration = keeps};
-    return PlanByWavePropagation(space.grid, free, now.robot.at(), goal,
-                                 {.moves = Moves::kDiagonals})
-        .waypoints;
+    const auto plan_from = [&](const Configuration& start) {
+      return PlanByWavePropagation(space.grid, free, start, goal, {.moves = Moves::kDiagonals});
+    };
+    const auto plan = plan_from(now.robot.at());
+    if (plan.outcome != PlanOutcome::kStartBlocked) return plan.waypoints;
+    // A corner of the start's grid cell is too near: from a grid point that it can go to.
+    for (const Configuration& next : NeighboursOf(space, now.robot.at())) {
+      const auto along = Along(now, {now.robot.at(), next});
+      if (!along || along->distance < least) continue;
+      std::vector<Configuration> way = plan_from(next).waypoints;
+      if (!way.empty()) way.insert(way.begin(), now.robot.at());
+      return way;
+    }
+    return {};
   }
   // From one place to the neighbour that is farthest from everybody, and on.
   std::vector<Configuration> WayOut(const Situation& now, const JointSpace& space) const {
     constexpr int kMostSteps = 6;
     std::vector<Configuration> way = {now.robot.at()};
-    double farthest = At(now, way.back());
+    double farthest = At(now, way.back(), protective_.back());
     for (int step = 0; step < kMostSteps; ++step) {
       std::optional<Configuration> best;
       for (Configuration& next : NeighboursOf(space, way.back())) {
-        const double distance = At(now, next);
+        const double distance = At(now, next, protective_.back());
         if (distance <= farthest) continue;
         farthest = distance;
         best = std::move(next);
@@ -290,9 +310,8 @@ class Oracle : public SpeedLevels {
                                     const std::vector<Configuration>& way) const override {
     return InTruth(now, way);
   }
-  // Of the many places that are looked at in planning, by balls.
-  double At(const Situation& now, std::span<const double> q) const override {
-    return now.truth.AtLeast(q);
+  double At(const Situation& now, std::span<const double> q, double limit) const override {
+    return now.truth.Distance(q, limit);
   }
 };
 
@@ -308,7 +327,7 @@ class Silhouette : public SpeedLevels {
     if (now.checker == nullptr) return std::nullopt;
     return now.checker->Distance(way, std::nullopt);
   }
-  double At(const Situation& now, std::span<const double> q) const override {
+  double At(const Situation& now, std::span<const double> q, double) const override {
     const auto distance = Along(now, {Configuration(q.begin(), q.end())});
     return distance ? distance->at_start : 0;
   }
@@ -345,6 +364,8 @@ std::vector<Configuration> Method::Plan(const Situation& situation, const JointS
 }
 
 double Method::AllowedInTruth(const Situation&) const { return kInfinity; }
+
+bool Method::LeadsAwayInTruth(const Situation&) const { return false; }
 
 const std::vector<std::string>& MethodNames() {
   static const std::vector<std::string> names = {kCurtain,

@@ -24,8 +24,8 @@ struct SpeedRule {
   // From images to images. A decision is due with each, and rests on those before.
   double period = 0.05;
   double reach = 0;  // of the robot: radius about its base
-  // A robot does not leave people who are nearer (SeparationBasis::leave_from).
-  double leave_from = 0.05;
+  // A robot does not leave people who are no farther away (SeparationBasis::leave_from).
+  double leave_from = 0.32;
 
   const SpeedLevel& fastest() const { return separation.levels.back(); }
   // By level, slow ones first. Until the next decision, images become two periods old.
@@ -81,6 +81,8 @@ class Method {
                                           const Configuration& goal);
   // The fastest speed by its rule, by the truth; infinity: it has none.
   virtual double AllowedInTruth(const Situation& situation) const;
+  // Whether the robot's way leads away from everybody, by the truth.
+  virtual bool LeadsAwayInTruth(const Situation& situation) const;
 
  protected:
   const SpeedRule& rule() const { return rule_; }

@@ -42,8 +42,8 @@ absl::StatusOr<std::vector<EpisodeResult>> ReadResults(const Study& study) {
     std::getline(lines, line);
     if (line != HeaderOf(study)) {
       return absl::FailedPreconditionError(
-          absl::StrCat("'", study.file, "' has results of other settings (", line,
-                       "); name another folder with --out, or remove the file"));
+          absl::StrCat("'", study.file, "' has results of other settings or of another build (",
+                       line, "); name another folder with --out, or remove the file"));
     }
     while (std::getline(lines, line)) {
       const auto json = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
