@@ -31,7 +31,7 @@ struct CameraImage {
 
 // Where the robot is.
 struct RobotState {
-  std::vector<double> positions;  // in the order of Robot::joints(); radians, metres
+  std::vector<double> positions;  // one for each of Robot::joints(); radians, metres
   bool moving = false;
   // The positions were not measured before this, by the running clock. Nothing: they were measured
   // during the call that returned them.

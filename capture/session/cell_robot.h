@@ -28,8 +28,7 @@ class CellRobot {
   // Moves there; errors are those of Robot::MoveTo.
   absl::Status MoveTo(const Configuration& configuration);
 
-  // Where all joints are. Aborted if the robot moves; Internal if it gives not as many values as it
-  // has joints.
+  // Where all joints are. Aborted if the robot moves.
   absl::StatusOr<std::vector<double>> Measure();
 
   // Of the joint that deviates most: "the joint 'wrist' is at 0.31 instead of 0.25".

@@ -33,10 +33,15 @@ absl::StatusOr<cv::Mat> WhiteOf(const cv::Mat& image) {
                                                        "white, without transparency"));
       }
       for (int channel = 0; channel < colours; ++channel) {
-        if ((pixel[channel] != 0 && pixel[channel] != white) || pixel[channel] != pixel[0]) {
+        if (pixel[channel] != 0 && pixel[channel] != white) {
           return absl::InvalidArgumentError(
               absl::StrCat("pixel (", x, ", ", y, ") is neither black (0) nor white (", white,
                            ") but ", pixel[channel], "; a mask has only these two"));
+        }
+        if (pixel[channel] != pixel[0]) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("pixel (", x, ", ", y,
+                           ") is neither black nor white but coloured; a mask has only these two"));
         }
       }
     }
@@ -46,22 +51,28 @@ absl::StatusOr<cv::Mat> WhiteOf(const cv::Mat& image) {
   return cv::Mat(first == white);
 }
 
+// Of 8 or 16 bits a channel.
+absl::StatusOr<cv::Mat> ImageOf(std::string_view bytes) {
+  cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_UNCHANGED);
+  if (image.empty()) return absl::InvalidArgumentError("it is not an image");
+  if (image.depth() != CV_8U && image.depth() != CV_16U) {
+    return absl::InvalidArgumentError("it has neither 8 nor 16 bits a channel");
+  }
+  return image;
+}
+
 }  // namespace
 
 std::string EncodeMaskPng(const Mask& mask) { return EncodePng(MaskImage(mask)); }
 
 absl::StatusOr<cv::Mat> DecodeBlackAndWhite(std::string_view bytes) {
-  const cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_UNCHANGED);
-  if (image.empty()) return absl::InvalidArgumentError("it is not an image");
-  if (image.depth() != CV_8U && image.depth() != CV_16U) {
-    return absl::InvalidArgumentError("it has neither 8 nor 16 bits a channel");
-  }
+  ASSIGN_OR_RETURN(const cv::Mat image, ImageOf(bytes));
   return WhiteOf(image);
 }
 
 absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSize> expected) {
-  ASSIGN_OR_RETURN(const cv::Mat white, DecodeBlackAndWhite(bytes));
-  const MaskSize size{white.cols, white.rows};
+  ASSIGN_OR_RETURN(const cv::Mat image, ImageOf(bytes));
+  const MaskSize size{image.cols, image.rows};
   if (expected && size != *expected) {
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large and should be ",
@@ -71,6 +82,7 @@ absl::StatusOr<Mask> DecodeMaskPng(std::string_view bytes, std::optional<MaskSiz
     return absl::InvalidArgumentError(absl::StrCat("it is ", SizeText(size.width, size.height),
                                                    " pixels large; a mask is at most 1024x1024"));
   }
+  ASSIGN_OR_RETURN(const cv::Mat white, WhiteOf(image));
   return Mask::FromPredicate(size, [&](int x, int y) { return white.at<uint8_t>(y, x) != 0; });
 }
 

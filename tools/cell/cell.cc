@@ -11,12 +11,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/str_join.h"
 #include "calib/robot/reach.h"
 #include "calib/robot/robot_model.h"
 #include "capture/session/travel.h"
 #include "capture/verification/samples.h"
-#include "common/times/times.h"
 #include "common/yaml/strict_yaml.h"
 #include "db/status/status_macros.h"
 #include "db/store/store.h"
@@ -129,27 +127,6 @@ void TakeTilesOfDatabase(Cell& cell) {
   cell.grid = ConfigurationGrid({joints.begin(), joints.end()}, {edges.begin(), edges.end()});
 }
 
-// The checks of the server that the file switches off, by their keys.
-std::vector<std::string> ChecksSwitchedOff(const ServerSettings& server) {
-  const ViewCheckSettings& check = server.scene.view_check;
-  const LifeSettings& life = server.live.life;
-  const std::pair<const char*, bool> checks[] = {
-      {"view_check: least_gain", check.least_gain == 0},
-      {"view_check: greatest_gain", check.greatest_gain >= 10},
-      {"view_check: most_saturated", check.most_saturated == 1},
-      {"view_check: least_structure", check.least_structure == 0},
-      {"view_check: most_shift", check.most_shift >= 20},
-      {"view_check: most_foreground", check.most_foreground == 1},
-      {"view_check: most_robot_missing", check.most_robot_missing == 1},
-      {"live: least_noise", life.least_noise == 0},
-      {"live: least_change", life.least_change == 0}};
-  std::vector<std::string> off;
-  for (const auto& [key, is_off] : checks) {
-    if (is_off) off.push_back(absl::StrCat("'", key, "'"));
-  }
-  return off;
-}
-
 }  // namespace
 
 bool StatesAGrid(const Cell& cell) {
@@ -220,64 +197,6 @@ absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell) {
   std::vector<std::string> moving;
   for (const GridJoint& joint : cell.grid.joints()) moving.push_back(joint.name);
   return ReachBox(*cell.robot.model, moving, cell.fixed_joints, cell.robot.payload_radius);
-}
-
-std::vector<std::string> Doubts(const Cell& cell) {
-  constexpr absl::Duration kOld = absl::Seconds(10);
-  constexpr absl::Duration kApart = absl::Seconds(1);
-  const SceneSettings& scene = cell.server.scene;
-  std::vector<std::string> doubts;
-  const auto long_time = [&](const std::string& key, absl::Duration time,
-                             const std::string& consequence) {
-    doubts.push_back(absl::StrFormat(
-        "server: %s: free verdicts may rest on images %s %s; a number without a unit is in "
-        "seconds, milliseconds are written as '500 ms'",
-        key, SpokenTime(time), consequence));
-  };
-  if (scene.max_age > kOld) long_time("max_age", scene.max_age, "old");
-  if (scene.max_skew > kApart) {
-    long_time("max_skew", scene.max_skew, "apart, between which people move");
-  }
-  if (const auto off = ChecksSwitchedOff(cell.server); !off.empty()) {
-    doubts.push_back(absl::StrCat(
-        "server: ", absl::StrJoin(off, ", "),
-        ": these values switch checks off, and verdicts may be free though what they find is "
-        "wrong (docs/live.md); leave them out, or state values nearer to the defaults"));
-  }
-  if (cell.segmentation.min_cover > 0) {
-    doubts.push_back(absl::StrFormat(
-        "segmentation: min_cover: %g: what covers less of a mask pixel is missed; leave it out",
-        cell.segmentation.min_cover));
-  }
-  constexpr double kPerson = 0.25;
-  if (cell.sound && cell.sound->least_obstacle > kPerson) {
-    doubts.push_back(absl::StrFormat(
-        "sound: least_obstacle: %.2g m is a radius: people are 0.3 to 0.5 m thick, and are missed "
-        "where the robot hides them; state 0.15 or less",
-        cell.sound->least_obstacle));
-  }
-  constexpr double kSlowPerson = 1;  // m/s
-  if (cell.separation && cell.separation->settings.human_speed < kSlowPerson) {
-    doubts.push_back(absl::StrFormat(
-        "separation: human_speed: %.2g m/s is slower than people walk, about 1.6 m/s (ISO 13855): "
-        "distances are too small for them",
-        cell.separation->settings.human_speed));
-  }
-  constexpr double kOfChord = 1.05;  // grid_move is along the arc, max_move along its chord
-  if (!cell.robot.drawn && cell.grid_move > kOfChord * kMostMove) {
-    doubts.push_back(absl::StrFormat(
-        "grid: steps: the robot moves by up to %.2g m from one grid value to the next: people are "
-        "0.3 to 0.5 m thick, and between grid values they may be in no robot image; state more "
-        "steps, or 'max_move: 0.1' in their place",
-        cell.grid_move));
-  } else if (!cell.robot.drawn && cell.sound && cell.grid_move > cell.sound->least_obstacle) {
-    doubts.push_back(absl::StrFormat(
-        "grid: the robot moves by up to %.3f m from one grid value to the next, more than sound: "
-        "least_obstacle, %.3f m: an obstacle between grid values may be in no robot image and is "
-        "then missed; lower max_move or add steps, and capture again what was captured",
-        cell.grid_move, cell.sound->least_obstacle));
-  }
-  return doubts;
 }
 
 absl::StatusOr<std::optional<SoundCell>> SoundCellOf(const Cell& cell) {

@@ -138,7 +138,8 @@ absl::Status WorkspaceHoldsRobot(const Cell& cell);
 // WorkspaceHoldsRobot. A drawn robot may leave the stated one: SoundCell::robot_may_leave.
 absl::StatusOr<Workspace> WorkspaceOf(const Cell& cell);
 
-// What the file may state and its author probably did not mean: a sentence each, with the mend.
+// What the file states, or leaves at its default, and its author probably did not mean: a sentence
+// each, with the mend.
 std::vector<std::string> Doubts(const Cell& cell);
 
 // What the sound presets are served with; nothing if the file does not say. Errors: as those of

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/program/joint_values.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -81,21 +80,6 @@ std::pair<std::string, double> ParseJoint(std::string_view text, AngleUnit unit,
   }
   return {std::string(text.substr(0, equals)),
           ParseJointValue(text.substr(equals + 1), unit, slides)};
-}
-
-std::string DegreesHint(std::span<const double> values, std::string_view or_else,
-                        std::span<const std::optional<bool>> slides) {
-  constexpr double kNoAngle = 4 * std::numbers::pi;  // joints hardly turn twice
-  constexpr double kMost = 720;
-  bool seems_degrees = false;
-  for (size_t i = 0; i < values.size(); ++i) {
-    const bool turns = i >= slides.size() || !slides[i].value_or(false);
-    const double size = std::abs(values[i]);
-    seems_degrees = seems_degrees || (turns && size > kNoAngle && size <= kMost);
-  }
-  if (!seems_degrees) return "";
-  return absl::StrCat(" (joint values are radians; did you mean degrees? Write 90deg",
-                      View(or_else), ")");
 }
 
 }  // namespace silhouette

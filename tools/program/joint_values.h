@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/text/degrees_hint.h"
+
 namespace silhouette {
 
 // What a joint value without a unit is in.
@@ -36,11 +38,5 @@ std::vector<double> ParseConfiguration(std::string_view text,
 std::pair<std::string, double> ParseJoint(std::string_view text,
                                           AngleUnit unit = AngleUnit::kRadians,
                                           std::optional<bool> slides = std::nullopt);
-
-// What to add to a verdict on values in radians: a question if degrees seem to be meant, else
-// nothing. `or_else`: what else mends it, as ", or give --degrees"; `slides`: of each joint,
-// whose values are metres then.
-std::string DegreesHint(std::span<const double> values, std::string_view or_else = "",
-                        std::span<const std::optional<bool>> slides = {});
 
 }  // namespace silhouette

@@ -88,6 +88,25 @@ std::string MistypedSubcommand(const CLI::App& program) {
          (nearest.empty() ? "known are " + ListOfWords(known) : "did you mean '" + nearest + "'?");
 }
 
+// An option that there is not; empty if all words that are left over are something else. Its value
+// is then often taken for another option's, which is not to be blamed.
+std::string UnknownOption(const CLI::App& program) {
+  for (const std::string& word : program.remaining(/*recurse=*/true)) {
+    if (word.starts_with("--")) return word.substr(0, word.find('='));
+  }
+  return "";
+}
+
+// What is wrong, by the library's error.
+std::string CommandLineMistake(const CLI::App& program, const CLI::Error& error) {
+  if (std::string mistyped = MistypedSubcommand(program); !mistyped.empty()) return mistyped;
+  const std::string unknown = UnknownOption(program);
+  if (unknown.empty() || error.get_name() == "ExtrasError") {
+    return error.what() + std::string("; see --help");
+  }
+  return "there is no option '" + unknown + "'; see --help";
+}
+
 // A mistake in the text of a number: the library takes 0x10, 010 (as 8) and nan.
 std::string NumberMistake(std::string& text, const std::string& type) {
   if (type.starts_with("FLOAT")) {
@@ -188,9 +207,7 @@ int RunProgram(CLI::App& app, int argc, char** argv, const std::function<int()>&
   std::signal(SIGXFSZ, SIG_IGN);  // a file above `ulimit -f` is an error of the write
   app.set_version_flag("--version", app.get_name() + " " + kVersion);
   app.failure_message([](const CLI::App* failed, const CLI::Error& error) {
-    const std::string mistyped = MistypedSubcommand(*failed);
-    return failed->get_name() + ": " +
-           (mistyped.empty() ? error.what() + std::string("; see --help") : mistyped) + "\n";
+    return failed->get_name() + ": " + CommandLineMistake(*failed, error) + "\n";
   });
   RequireNumbers(app);
   try {

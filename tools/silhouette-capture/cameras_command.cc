@@ -25,6 +25,7 @@
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/program/progress.h"
 #include "tools/silhouette-capture/commands.h"
+#include "tools/silhouette-capture/skew_advice.h"
 
 namespace silhouette {
 namespace {
@@ -143,12 +144,7 @@ void PrintTaken(const CamerasOptions& options, const CamerasTaken& taken) {
       "skew: %.1f ms at most (the time from the oldest to the newest image of a set)\n",
       absl::ToDoubleMilliseconds(taken.largest_skew));
   if (taken.largest_skew > taken.max_skew) {
-    std::cout << absl::StreamFormat(
-        "That is more than max_skew, %.0f ms: nothing is free in scenes of such images. Trigger "
-        "the "
-        "cameras together; or raise 'server: max_skew' in the cell file, if nothing in the cell "
-        "moves far in that time.\n",
-        absl::ToDoubleMilliseconds(taken.max_skew));
+    std::cout << "That is " << SkewAdvice(taken.max_skew) << ".\n";
   }
   if (!options.out.empty()) {
     std::cout << "wrote the images, and all on one sheet to " << options.out << "/all.png\n";

@@ -21,9 +21,11 @@
 #include "calib/robot/robot_model.h"
 #include "capture/devices/camera_set.h"
 #include "capture/devices/camera_settings.h"
+#include "capture/devices/devices.h"
 #include "capture/verification/samples.h"
 #include "capture/verification/verified_robot.h"
 #include "common/result/result.h"
+#include "common/times/times.h"
 #include "db/status/status_macros.h"
 #include "tools/cell/devices/cell_devices.h"
 #include "tools/cell/robot_in_images.h"
@@ -31,6 +33,7 @@
 #include "tools/silhouette-capture/exchanged_views.h"
 #include "tools/silhouette-capture/opened_cell.h"
 #include "tools/silhouette-capture/run_plan.h"
+#include "tools/silhouette-capture/skew_advice.h"
 
 namespace silhouette {
 namespace {
@@ -174,22 +177,61 @@ Finding OfImage(const ViewSettings& view, const CameraImage& image) {
   return {"view " + view.name, fits && level >= kLeastLevel && share <= kMostWhite, text};
 }
 
-Findings OfCameras(const Cell& cell, CameraSet& cameras) {
-  const auto images = cameras.Grab();
-  if (!images.ok()) return {{"cameras", false, std::string(images.status().message())}};
+// Only if they are; what cannot be read or does not answer, others report.
+Findings OfExchangedViews(const CellFile& file, const AnsweringDevices& devices) {
+  if (!devices.robot.ok() || !devices.camera_errors.empty()) return {};
+  const auto database = OpenDatabase(file, Database::Access::kRead);
+  if (!database.ok()) return {};
+  const auto exchanged = ExchangedViews(file.cell, **database, **devices.robot, *devices.cameras);
   Findings findings;
-  for (size_t v = 0; v < images->size(); ++v) {
-    const auto view = std::ranges::find(cell.views, cameras.views()[v], &ViewSettings::name);
-    findings.push_back(OfImage(*view, (*images)[v]));
+  if (!exchanged.ok()) return findings;
+  for (const std::string& text : *exchanged) findings.push_back({"calibration", false, text});
+  return findings;
+}
+
+// How far apart the images of a set are.
+Finding OfSkew(const Cell& cell, const std::vector<CameraImage>& images) {
+  const absl::Duration skew = SkewOf(images);
+  const absl::Duration most = cell.server.scene.max_skew;
+  const bool close = skew <= most;
+  return {"cameras", close,
+          absl::StrFormat("%.1f ms between the oldest and the newest image, ",
+                          absl::ToDoubleMilliseconds(skew)) +
+              (close ? absl::StrCat("max_skew is ", SpokenTime(most)) : SkewAdvice(most))};
+}
+
+// Of each view by itself, whatever the others' cameras do.
+Findings OfCameras(const Cell& cell, AnsweringDevices& devices) {
+  Findings findings;
+  for (const auto& [view, why] : devices.camera_errors) {
+    findings.push_back({"view " + view, false, std::string(why.message())});
   }
-  const absl::Duration skew = SkewOf(*images);
-  const bool close = skew <= cell.server.scene.max_skew;
-  findings.push_back(
-      {"cameras", close,
-       absl::StrFormat("%.1f ms between the oldest and the newest image, max_skew is %.0f ms%s",
-                       absl::ToDoubleMilliseconds(skew),
-                       absl::ToDoubleMilliseconds(cell.server.scene.max_skew),
-                       close ? "" : ": nothing would be free; trigger the cameras together")});
+  std::vector<CameraImage> taken;
+  std::vector<absl::StatusOr<CameraImage>> images = devices.cameras->GrabEach();
+  for (size_t v = 0; v < images.size(); ++v) {
+    const std::string& name = devices.cameras->views()[v];
+    if (!images[v].ok()) {
+      findings.push_back({"view " + name, false, std::string(images[v].status().message())});
+      continue;
+    }
+    findings.push_back(
+        OfImage(*std::ranges::find(cell.views, name, &ViewSettings::name), *images[v]));
+    taken.push_back(*std::move(images[v]));
+  }
+  if (!taken.empty()) findings.push_back(OfSkew(cell, taken));
+  return findings;
+}
+
+// Of robot and cameras, each by itself.
+Findings OfDevices(const CellFile& file, const Travel& travel) {
+  auto devices = OpenAnsweringDevices(file.cell, travel, file.variant);
+  if (!devices.ok()) return {{"devices", false, std::string(devices.status().message())}};
+  const absl::Status answers = devices->robot.status();
+  Findings findings = answers.ok() ? OfRobot(file.cell, **devices->robot)
+                                   : Findings{{"robot", false, std::string(answers.message())}};
+  for (const Findings& more : {OfCameras(file.cell, *devices), OfExchangedViews(file, *devices)}) {
+    findings.insert(findings.end(), more.begin(), more.end());
+  }
   return findings;
 }
 
@@ -238,7 +280,7 @@ Findings OfDrawnImages(const CellFile& file) {
   const bool beyond = std::ranges::any_of(sampler.AlwaysNarrow(),
                                           [](const NarrowGap& gap) { return gap.face >= 0; });
   // Good in what it is for, but verify-model does not drive the robot so.
-  if (!text.empty()) findings.push_back({"links", !beyond, text, /*doubtful=*/true});
+  if (!text.empty()) findings.push_back({"links", !beyond, text, /*doubtful=*/!beyond});
   if (stored.calibration.cameras.empty()) return findings;
   const auto verified = VerifiedRobotOf(of, *robot, cell.grid.joints(), stored.verification);
   const std::string partial =
@@ -259,17 +301,6 @@ Findings OfWorkspace(const Cell& cell) {
   }
   if (cell.robot.model == nullptr) return {};
   return {{"workspace", true, "holds the robot at all joint values of the grid"}};
-}
-
-// Only if they are; what cannot be read or does not answer, others report.
-Findings OfExchangedViews(const CellFile& file, const CellDevices& devices) {
-  const auto database = OpenDatabase(file, Database::Access::kRead);
-  if (!database.ok()) return {};
-  const auto exchanged = ExchangedViews(file.cell, **database, *devices.robot, *devices.cameras);
-  Findings findings;
-  if (!exchanged.ok()) return findings;
-  for (const std::string& text : *exchanged) findings.push_back({"calibration", false, text});
-  return findings;
 }
 
 // The database, and what is still to be captured into it.
@@ -324,22 +355,17 @@ absl::StatusOr<ExitCode> Check(const CellArguments& arguments) {
   for (const std::string& doubt : Doubts(file.cell)) {
     add({{.what = "cell file", .good = true, .text = doubt, .doubtful = true}});
   }
-  const auto devices = OpenDevices(file.cell, travel, file.variant);
-  if (devices.ok()) {
-    add(OfRobot(file.cell, *devices->robot));
-    add(OfCameras(file.cell, *devices->cameras));
-    add(OfExchangedViews(file, *devices));
-  } else {
-    add({{"devices", false, std::string(devices.status().message())}});
-  }
+  add(OfDevices(file, travel));
   add(OfCapture(arguments, file, travel));
 
   const bool good = std::ranges::all_of(findings, &Finding::good);
   nlohmann::ordered_json json = {{"good", good}, {"findings", nlohmann::ordered_json::array()}};
   std::string text;
   for (const Finding& finding : findings) {
-    json["findings"].push_back(
-        {{"what", finding.what}, {"good", finding.good}, {"text", finding.text}});
+    json["findings"].push_back({{"what", finding.what},
+                                {"good", finding.good},
+                                {"doubtful", finding.doubtful},
+                                {"text", finding.text}});
     absl::StrAppendFormat(&text, "%-5s  %s: %s\n",
                           !finding.good      ? "FAULT"
                           : finding.doubtful ? "NOTE"

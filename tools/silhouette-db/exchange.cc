@@ -35,6 +35,9 @@ constexpr char kCapturedColumn[] = "captured";
 constexpr char kCommanded[] = "commanded:";
 constexpr char kMeasured[] = "measured:";
 
+// How far from a grid value a stated one may be, radians or metres: files have six decimals.
+constexpr double kRounding = 1e-6;
+
 constexpr char kReferencesHeader[] = "view,images,time,mean,noise";
 
 absl::Time ReferenceTime(const storage::v1::Reference& reference) {
@@ -213,26 +216,35 @@ absl::Status TableReader::RequireMeasuredAt(const RobotImage& image) const {
 
 absl::StatusOr<ConfigurationNumber> TableReader::ReadNumber(
     const std::vector<std::string>& cells) const {
-  GridIndex index{};
-  for (int j = 0; j < grid_.dimensions(); ++j) {
-    const GridJoint& joint = grid_.joints()[static_cast<size_t>(j)];
+  Configuration stated;
+  std::vector<std::optional<bool>> slides;
+  for (const GridJoint& joint : grid_.joints()) {
     const std::string& text = cells[columns_.at(joint.name)];
     ASSIGN_OR_RETURN(const double value, ReadJoint(joint.name, "joint '" + joint.name + "'", text));
-    const std::optional<double> place = grid_.Place(j, value);
+    stated.push_back(value);
+    const auto found = joint_slides_.find(joint.name);
+    slides.push_back(found == joint_slides_.end() ? std::nullopt : std::optional(found->second));
+  }
+  GridIndex index{};
+  for (int j = 0; j < grid_.dimensions(); ++j) {
+    const auto at = static_cast<size_t>(j);
+    const GridJoint& joint = grid_.joints()[at];
+    const std::string& text = cells[columns_.at(joint.name)];
+    const double inside = std::clamp(stated[at], joint.lower, joint.upper);
+    const bool rounded = std::abs(inside - stated[at]) <= kRounding;
+    const std::optional<double> place = grid_.Place(j, rounded ? inside : stated[at]);
     if (!place) {
-      const auto slides = joint_slides_.find(joint.name);
-      const bool is_length = slides != joint_slides_.end() && slides->second;
-      return absl::InvalidArgumentError(
-          absl::StrCat("joint '", joint.name, "': ", text, " is outside ", joint.lower, " to ",
-                       joint.upper, is_length ? " m" : DegreesHint({{value}})));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "joint '", joint.name, "': ", text, " is outside ", joint.lower, " to ", joint.upper,
+          slides[at].value_or(false) ? " m" : DegreesHint(stated, "", slides)));
     }
-    if (*place != std::round(*place)) {
-      const double step = std::round(*place);
+    const double nearest = std::round(*place);
+    if (std::abs(*place - nearest) * joint.step() > kRounding) {
       return absl::InvalidArgumentError(
           absl::StrFormat("joint '%s': %s is not on the grid; the nearest value is %.17g",
-                          joint.name, text, joint.lower + step * joint.step()));
+                          joint.name, text, joint.lower + nearest * joint.step()));
     }
-    index[static_cast<size_t>(j)] = static_cast<int>(*place) % joint.steps;
+    index[at] = static_cast<int>(nearest) % joint.steps;
   }
   return grid_.NumberOf(index);
 }

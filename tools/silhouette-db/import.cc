@@ -271,7 +271,9 @@ absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& option
   const std::string& path = whole.path();
   const bool complete = status.ok() && !StopRequested() && importer.faults() == 0;
   const std::string next = complete ? absl::StrCat("silhouette-db index ", ForShell(path)) : "";
-  std::string text = Counted(importer.committed(), "record") + " imported into " + path;
+  const bool none = importer.faults() > 0 && importer.committed() + importer.there_already() == 0;
+  std::string text = none ? "nothing is imported"
+                          : Counted(importer.committed(), "record") + " imported into " + path;
   if (importer.there_already() > 0) {
     absl::StrAppend(&text, ", ", importer.there_already(), " were there already");
   }
@@ -291,7 +293,7 @@ absl::StatusOr<ExitCode> ImportInto(Database& whole, const ImportOptions& option
                    importer.faults() == kMostFaults ? " lines or more are wrong; mend them"
                    : importer.faults() == 1         ? " line is wrong; mend it"
                                                     : " lines are wrong; mend them",
-                   " and run it again, what is imported stays"));
+                   " and run it again", none ? "" : ", what is imported stays"));
 }
 
 absl::StatusOr<ExitCode> ImportHere(const ImportOptions& options) {
@@ -359,8 +361,8 @@ void AddImport(CLI::App& app, Work& work) {
   AddFormatOption(command, options.format);
   command.footer(
       "configurations.csv has a column per joint of the grid, by its name (radians, or 30deg, or\n"
-      "0.2m), and one per view with the path of a PNG mask, relative to the CSV: the robot white,\n"
-      "all else black.\n"
+      "0.2m; six decimals are enough), and one per view with the path of a PNG mask, relative to\n"
+      "the CSV: the robot white, all else black.\n"
       "Example:\n  silhouette-db import --cell cell.yaml --database cell.lmdb masks/");
 }
 

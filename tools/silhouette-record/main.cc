@@ -239,7 +239,8 @@ class Program {
                 << std::endl;
       return lost_ > 0 ? kWorldFailed : kDone;
     }
-    std::cout << scenes_ << " scenes, " << stops_ << (stops_ == 1 ? " stop" : " stops");
+    std::cout << scenes_ << (scenes_ == 1 ? " scene, " : " scenes, ") << stops_
+              << (stops_ == 1 ? " stop" : " stops");
     if (missed_ > 0) std::cout << ", " << missed_ << " scenes missed";
     if (lost_ > 0) std::cout << ", " << lost_ << " messages lost to the disk";
     for (const std::string& file : {path_, path_of_stop_}) {

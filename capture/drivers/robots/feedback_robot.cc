@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "capture/drivers/robots/feedback_robot.h"
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "capture/devices/joint_deviation.h"
 #include "capture/devices/running_clock.h"
+#include "common/result/result.h"
 #include "common/times/times.h"
 #include "db/status/status_macros.h"
 
@@ -43,7 +44,7 @@ FeedbackRobot::~FeedbackRobot() {
 }
 
 absl::Status FeedbackRobot::CheckNumbers(std::span<const double> positions) const {
-  for (size_t j = 0; j < std::min(names_.size(), positions.size()); ++j) {
+  for (size_t j = 0; j < names_.size(); ++j) {
     if (std::isfinite(positions[j])) continue;
     return absl::UnavailableError(absl::StrCat("the robot reports a position of '", names_[j],
                                                "' that is not a number: ", positions[j],
@@ -52,12 +53,18 @@ absl::Status FeedbackRobot::CheckNumbers(std::span<const double> positions) cons
   return absl::OkStatus();
 }
 
+absl::Status FeedbackRobot::CheckCount(const RobotFeedback& feedback) const {
+  if (feedback.positions.size() == names_.size()) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat(
+      "the robot reported ", Counted(feedback.positions.size(), "position"), " and has ",
+      Counted(names_.size(), "joint"), " (", absl::StrJoin(names_, ", "), "); correct its driver",
+      feedback.fault.empty() ? "" : absl::StrCat("; it reports, too: ", feedback.fault)));
+}
+
 absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
   if (!feedback.fault.empty()) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
-  if (feedback.positions.size() != hold_->size())
-    return absl::AbortedError("the robot reported no positions");
   RETURN_IF_ERROR(CheckNumbers(feedback.positions));
   const JointDeviation off = GreatestDeviation(*hold_, feedback.positions, limits_.continuous);
   if (off.deviation <= limits_.tolerance) return absl::OkStatus();
@@ -76,15 +83,17 @@ void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   }
   loss_told_ = false;
   newest_ = feedback;
+  newest_count_ = CheckCount(feedback);
   newest_time_ = now;
   link_failure_ = absl::OkStatus();
-  if (feedback.positions.size() == names_.size()) {
-    stillness_.Add(newest_time_, feedback.positions);
-  }
+  const bool counted = newest_count_.ok();
+  if (counted) stillness_.Add(newest_time_, feedback.positions);
   if (move_) {
-    if (move_failure_.ok()) move_failure_ = move_->Tell(newest_time_, feedback);
+    if (move_failure_.ok()) {
+      move_failure_ = counted ? move_->Tell(newest_time_, feedback) : newest_count_;
+    }
   } else if (hold_) {
-    alarm_ = CheckHold(feedback);
+    alarm_ = counted ? CheckHold(feedback) : newest_count_;
     alarmed_ = !alarm_.ok();
     if (alarmed_) hold_.reset();
   }
@@ -143,6 +152,7 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
         absl::StrCat("the robot did not report its position within ", SpokenTime(limits_.silence)));
   }
   RETURN_IF_ERROR(Silence(RunningNow()));
+  RETURN_IF_ERROR(newest_count_);
   RETURN_IF_ERROR(CheckNumbers(newest_->positions));
   return *newest_;
 }
@@ -177,9 +187,6 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
     if (!hindrance.empty()) {
       return absl::AbortedError(absl::StrCat("the robot cannot move: ", hindrance));
     }
-  }
-  if (start.positions.size() != names_.size()) {
-    return absl::AbortedError("the robot reported no positions");
   }
   move_failure_ = absl::OkStatus();
   move_.emplace(names_, start.positions, goal, limits_, RunningNow(), hold_);

@@ -54,7 +54,7 @@ class ControllerLink {
 //
 // Where a move has ended the robot must stay: if it leaves that place by more than the tolerance
 // before the next one, or reports a fault, it receives a stop command; then every call but
-// Stop() is Aborted with the reason. Before the first move, and after a Stop(), it may be moved by
+// Stop() fails with the reason. Before the first move, and after a Stop(), it may be moved by
 // anybody.
 class FeedbackRobot : public Robot {
  public:
@@ -65,12 +65,13 @@ class FeedbackRobot : public Robot {
   const std::vector<std::string>& joints() const override { return names_; }
 
   // Beside the errors of Robot::MoveTo. Aborted: it was stopped on its way, by Stop() or since its
-  // feedback was doubtful, or it is not ready, e.g. in emergency stop.
+  // feedback was doubtful, or it is not ready, e.g. in emergency stop. Internal: as State().
   absl::Status MoveTo(std::span<const double> positions) override;
 
   // The newest feedback; waits for the first. Unavailable: there is none that is new enough, or a
   // position is not a number, or since the last call the connection was lost, even for a moment, or
   // feedback was silent for too long; one call of State() or MoveTo() reports such a loss.
+  // Internal: the robot does not report one position for each of its joints.
   absl::StatusOr<RobotState> State() override;
 
   absl::Status Stop() override;
@@ -85,6 +86,8 @@ class FeedbackRobot : public Robot {
   absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
   absl::Status Silence(absl::Duration now);
   absl::Status CheckHold(const RobotFeedback& feedback) const;
+  // Internal: not one position for each joint.
+  absl::Status CheckCount(const RobotFeedback& feedback) const;
   // Unavailable: one is not a number.
   absl::Status CheckNumbers(std::span<const double> positions) const;
   absl::Status WaitForArrival(std::unique_lock<std::mutex>& lock);
@@ -95,6 +98,7 @@ class FeedbackRobot : public Robot {
   std::mutex mutex_;  // guards all below but link_
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
+  absl::Status newest_count_;   // of newest_: CheckCount
   absl::Duration newest_time_;  // running clock
   absl::Status untold_loss_;    // a past one that no call has reported yet
   bool loss_told_ = false;      // of the one that goes on

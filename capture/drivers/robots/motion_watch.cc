@@ -86,11 +86,6 @@ absl::Status MotionWatch::Tell(absl::Duration now, const RobotFeedback& feedback
   if (!feedback.fault.empty()) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
-  if (feedback.positions.size() != names_.size()) {
-    return absl::AbortedError(absl::StrCat("the robot reported positions of ",
-                                           feedback.positions.size(), " joints and has ",
-                                           names_.size()));
-  }
   const std::vector<double> positions =
       NearestTurns(feedback.positions, newest_, limits_.continuous);
   const JointDeviation gone = GreatestDeviation(start_, positions);

@@ -14,7 +14,8 @@ namespace silhouette {
 
 // What one message of a robot says of it.
 struct RobotFeedback {
-  std::vector<double> positions = {};  // in the robot's order; radians, metres
+  // In the robot's order; radians, metres. MotionWatch takes one for each joint.
+  std::vector<double> positions = {};
   // Whether it moves, if it says so.
   std::optional<bool> moving = {};
   // Why it can go nowhere now, e.g. "emergency stop"; empty: it can.
@@ -85,7 +86,7 @@ class MotionWatch {
   absl::Duration duration() const { return duration_; }
 
   // A message came. Aborted: the robot must be stopped, for the reason that the status says: a
-  // fault, no positions, much too fast, or a joint that leaves the range between start and goal.
+  // fault, no number, much too fast, or a joint that leaves the range between start and goal.
   absl::Status Tell(absl::Duration now, const RobotFeedback& feedback);
   // Asked now and then. DeadlineExceeded: the robot does not arrive; it must be stopped.
   absl::Status CheckTime(absl::Duration now) const;

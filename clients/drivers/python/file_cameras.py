@@ -13,6 +13,7 @@ An example to begin a driver of your own with: replace the class FileCamera. In 
 """
 
 import argparse
+import pathlib
 from concurrent import futures
 
 import camera_driver_pb2
@@ -61,18 +62,36 @@ class CameraDriver(camera_driver_pb2_grpc.CameraDriverServiceServicer):
         return response
 
 
+def camera(text):
+    name, _, path = text.partition("=")
+    if not name or not path:
+        raise argparse.ArgumentTypeError(f"'{text}' is not name=file, as in top=top.png")
+    if not pathlib.Path(path).is_file():
+        raise argparse.ArgumentTypeError(f"there is no file '{path}'")
+    return name, FileCamera(path)
+
+
+def size(text):
+    width, _, height = text.partition("x")
+    if not width.isdecimal() or not height.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is not a width and a height, as in 640x480")
+    return int(width), int(height)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("cameras", nargs="+", help="name=file, e.g. top=top.png")
-    parser.add_argument("--size", required=True, help="of the images, e.g. 640x480")
+    parser.add_argument("cameras", nargs="+", type=camera, help="name=file, e.g. top=top.png")
+    parser.add_argument("--size", required=True, type=size, help="of the images, e.g. 640x480")
     parser.add_argument("--port", type=int, default=50060, help="at 127.0.0.1; 0: a free one")
     arguments = parser.parse_args()
-    width, height = map(int, arguments.size.split("x"))
-    cameras = {name: FileCamera(path) for name, path in (c.split("=", 1) for c in arguments.cameras)}
+    cameras = dict(arguments.cameras)
     server = grpc.server(futures.ThreadPoolExecutor(max_workers=2))
     camera_driver_pb2_grpc.add_CameraDriverServiceServicer_to_server(
-        CameraDriver(cameras, width, height), server)
-    port = server.add_insecure_port(f"127.0.0.1:{arguments.port}")
+        CameraDriver(cameras, *arguments.size), server)
+    try:
+        port = server.add_insecure_port(f"127.0.0.1:{arguments.port}")
+    except RuntimeError:
+        parser.error(f"cannot listen on 127.0.0.1:{arguments.port}")
     server.start()
     print(f"serving {', '.join(cameras)} at 127.0.0.1:{port}", flush=True)
     server.wait_for_termination()

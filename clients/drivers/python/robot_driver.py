@@ -94,7 +94,8 @@ def load_service():
                  "robot_driver.proto"], check=True)
         except (OSError, subprocess.CalledProcessError):
             print("robot_driver.py: protoc cannot make the service's modules; install protobuf-compiler and "
-                  "protobuf-compiler-grpc, or make the modules beside this script as README.md says", file=sys.stderr)
+                  "protobuf-compiler-grpc, correct PROTO in this script if it was copied elsewhere, or make the "
+                  "modules beside it as README.md says", file=sys.stderr)
             sys.exit(2)
         sys.path.insert(0, folder)
         importlib.invalidate_caches()
@@ -144,29 +145,45 @@ class RobotDriver(services.RobotDriverServiceServicer):
         return messages.StopResponse()
 
 
+def degrees_of_all(text):
+    try:
+        values = [float(value) for value in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != len(PretendArm.JOINTS):
+        raise argparse.ArgumentTypeError(f"'{text}' is not {len(PretendArm.JOINTS)} numbers with commas between them")
+    return values
+
+
+def add_port(server, listen, tls):
+    if not tls:
+        return server.add_insecure_port(listen)
+    certificate, key, client_ca = (file.read_bytes() for file in tls)
+    return server.add_secure_port(listen, grpc.ssl_server_credentials(
+        [(key, certificate)], client_ca, require_client_auth=True))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--listen", default="127.0.0.1:50061",
                         help="host:port; port 0: a free one (default: %(default)s)")
-    parser.add_argument("--start", default="0,0,0,0,0,0",
+    parser.add_argument("--start", type=degrees_of_all, default="0,0,0,0,0,0",
                         help="where the pretended arm stands, in degrees (default: %(default)s)")
     parser.add_argument("--tls", nargs=3, metavar=("CERTIFICATE", "KEY", "CLIENT_CA"), type=pathlib.Path,
                         help="PEM files: encrypt, and let in only clients whose certificate CLIENT_CA signed")
     arguments = parser.parse_args()
 
-    arm = PretendArm([float(degrees) for degrees in arguments.start.split(",")])
+    arm = PretendArm(arguments.start)
     # A MoveTo occupies a thread until the robot has arrived: GetState and Stop need others.
     server = grpc.server(concurrent.futures.ThreadPoolExecutor(max_workers=8))
     services.add_RobotDriverServiceServicer_to_server(RobotDriver(arm), server)
-    if arguments.tls:
-        certificate, key, client_ca = (file.read_bytes() for file in arguments.tls)
-        port = server.add_secure_port(arguments.listen, grpc.ssl_server_credentials(
-            [(key, certificate)], client_ca, require_client_auth=True))
-    else:
-        port = server.add_insecure_port(arguments.listen)
-    if port == 0:
-        sys.exit(f"robot_driver.py: cannot listen on {arguments.listen}")
+    try:
+        port = add_port(server, arguments.listen, arguments.tls)
+    except OSError as error:  # of a certificate's file
+        parser.error(str(error))
+    except RuntimeError:
+        parser.error(f"cannot listen on {arguments.listen}")
     server.start()
     print(f"serving the robot on {arguments.listen.rsplit(':', 1)[0]}:{port}", flush=True)
     signal.sigwait({signal.SIGINT, signal.SIGTERM})

@@ -303,6 +303,18 @@ TEST(CameraDriver, ExampleInPythonIsOneBesideTheClientPackage) {
       "protoc -I ", source, "/proto/silhouette/v1 --python_out=", folder, " --grpc_out=", folder,
       " --plugin=protoc-gen-grpc=$(which grpc_python_plugin) camera_driver.proto");
   ASSERT_EQ(std::system(generate.c_str()), 0) << generate;
+  for (const std::string& mistake : std::vector<std::string>{
+           "top --size 4x2", "top=none.png --size 4x2", "top=" + folder + "/top.png --size 4"}) {
+    const std::string errors = folder + "/errors.txt";
+    const std::string wrong =
+        absl::StrCat("PYTHONPATH=", folder, " /usr/bin/python3 ", source,
+                     "/clients/drivers/python/file_cameras.py ", mistake, " 2> ", errors);
+    EXPECT_EQ(WEXITSTATUS(std::system(wrong.c_str())), 2) << mistake;
+    std::ifstream file(errors);
+    const std::string said{std::istreambuf_iterator<char>(file), {}};
+    EXPECT_THAT(said, HasSubstr("file_cameras.py: error: "));
+    EXPECT_THAT(said, ::testing::Not(HasSubstr("Traceback")));
+  }
   // The shell tells its process, which becomes Python's.
   const std::string serve = absl::StrCat("echo $$; PYTHONPATH=", folder, " exec /usr/bin/python3 ",
                                          source, "/clients/drivers/python/file_cameras.py ",

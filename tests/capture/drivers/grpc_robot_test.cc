@@ -256,6 +256,28 @@ TEST(PythonRobotDriver, WithoutProtocSaysWhatToInstall) {
                     Not(HasSubstr("Traceback"))));
 }
 
+TEST(PythonRobotDriver, StartWithoutAValueForEachJointIsRefused) {
+  const Shell shell;
+  const std::string driver = SourceFolder() + "/clients/drivers/python/robot_driver.py";
+  for (const char* start : {"0,0,0", "a"}) {
+    const Ended ended =
+        shell.Run(absl::StrCat("'", driver, "' --listen 127.0.0.1:0 --start ", start));
+    EXPECT_EQ(ended.exit_code, 2);
+    EXPECT_THAT(ended.err, AllOf(HasSubstr("argument --start: "), Not(HasSubstr("Traceback"))));
+  }
+}
+
+TEST(PythonRobotDriver, MistakeOnTheCommandLineIsOneSentence) {
+  const Shell shell;
+  for (const std::string arguments : {"--start a", "--start 0,0", "--tls none none none"}) {
+    const Ended driver = shell.Run("/usr/bin/python3 " + SourceFolder() +
+                                   "/clients/drivers/python/robot_driver.py " + arguments);
+    EXPECT_EQ(driver.exit_code, 2) << arguments;
+    EXPECT_THAT(driver.err,
+                AllOf(HasSubstr("robot_driver.py: error: "), Not(HasSubstr("Traceback"))));
+  }
+}
+
 TEST(PythonRobotDriver, WithCertificatesServesOnlyWhoHasOne) {
   const std::filesystem::path certificates = MakeCertificates();
   const PythonDriver driver(certificates);

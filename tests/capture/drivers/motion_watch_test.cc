@@ -134,7 +134,6 @@ TEST_F(MotionWatchTest, JointThatLeavesItsWayIsStopped) {
 TEST_F(MotionWatchTest, FaultsAndNonsenseStop) {
   EXPECT_THAT(watch_.Tell(now_, {.positions = {0, 0}, .fault = "emergency stop"}).message(),
               HasSubstr("emergency stop"));
-  EXPECT_TRUE(absl::IsAborted(watch_.Tell(now_, {.positions = {0}})));
   EXPECT_TRUE(absl::IsAborted(watch_.Tell(now_, At(0, std::nan("")))));
 }
 
@@ -350,6 +349,32 @@ TEST_F(WrappingRobotTest, PositionThatIsNotANumberIsUnavailableAndNamesItsJoint)
   Place(1, std::nan(""));
   ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "it may move unseen";
   EXPECT_THAT(robot->State().status().message(), HasSubstr("'lift' that is not a number"));
+}
+
+TEST_F(WrappingRobotTest, AnotherNumberOfPositionsThanJointsIsRefusedWithBothNumbers) {
+  const auto report = [&](size_t count) {
+    const std::lock_guard lock(controller_.mutex);
+    controller_.positions.assign(count, 0);
+  };
+  const std::vector<std::pair<size_t, std::string>> wrong = {
+      {0, "0 positions"}, {1, "1 position"}, {3, "3 positions"}};
+  const auto robot = Connect();
+  for (const auto& [count, spoken] : wrong) {
+    report(count);
+    ASSERT_TRUE(Eventually([&] { return !robot->State().ok(); })) << spoken;
+    for (const absl::Status& status :
+         {robot->State().status(), robot->MoveTo(std::vector<double>{0, 0})}) {
+      EXPECT_TRUE(absl::IsInternal(status)) << status;
+      EXPECT_EQ(status.message(), "the robot reported " + spoken +
+                                      " and has 2 joints (turn, lift); correct its driver");
+    }
+    report(2);
+    EXPECT_TRUE(Eventually([&] { return robot->State().ok(); })) << "it is not given up";
+  }
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{0, 0}), absl::OkStatus());
+  report(1);
+  ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "it may move unseen";
+  EXPECT_THAT(robot->State().status().message(), HasSubstr("1 position and has 2 joints"));
 }
 
 TEST_F(WrappingRobotTest, ConnectionThatWasLostForAMomentIsReportedOnceAndKeepsTheRobotWhereItIs) {

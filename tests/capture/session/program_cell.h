@@ -101,12 +101,14 @@ class ProgramCell {
   std::string cell() const { return folder_ / "cell.yaml"; }
   std::string database() const { return folder_ / "cell.lmdb"; }
 
-  // Starts silhouette-capture; its output goes into files. As another user where `user` is not 0.
+  // Starts silhouette-capture without an operator; its output goes into files. As another user
+  // where `user` is not 0.
   pid_t Start(const std::vector<std::string>& arguments, uid_t user = 0) const {
     const std::string out = folder_ / "out.txt";
     const std::string err = folder_ / "err.txt";
     const pid_t child = fork();
     if (child == 0) {
+      dup2(open("/dev/null", O_RDONLY), STDIN_FILENO);
       dup2(open(out.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0666), STDOUT_FILENO);
       dup2(open(err.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0666), STDERR_FILENO);
       if (user != 0 && (setgid(user) != 0 || setuid(user) != 0)) _exit(126);

@@ -98,9 +98,16 @@ TEST(MaskPng, OtherValuesThanBlackAndWhiteAreNoMask) {
                                  std::to_string(value) + "; a mask has only these two");
   }
   EXPECT_THAT(message(cv::Mat(1, 1, CV_16UC1, cv::Scalar(1))), HasSubstr("white (65535) but 1;"));
-  EXPECT_THAT(message(cv::Mat(1, 1, CV_8UC3, cv::Scalar(255, 0, 0))), HasSubstr("neither black"));
+  EXPECT_THAT(message(cv::Mat(1, 1, CV_8UC3, cv::Scalar(255, 0, 0))),
+              HasSubstr("pixel (0, 0) is neither black nor white but coloured"));
   EXPECT_THAT(message(cv::Mat(1, 1, CV_8UC4, cv::Scalar(255, 255, 255, 0))),
               HasSubstr("pixel (0, 0) is transparent"));
+}
+
+TEST(MaskPng, OtherSizeIsNamedBeforeThePixels) {
+  const cv::Mat grey(2, 4, CV_8UC1, cv::Scalar(127));
+  EXPECT_EQ(DecodeMaskPng(Png(grey), MaskSize{2, 4}).status().message(),
+            "it is 4x2 pixels large and should be 2x4");
 }
 
 TEST(MaskPng, TellsWhatIsWrongWithAFile) {

@@ -149,6 +149,40 @@ TEST(Cell, LongTimesAndWideStepsAreDoubted) {
               ElementsAre(HasSubstr("people are 0.3 to 0.5 m thick")));
 }
 
+TEST(Cell, CamerasThatMakeScenesStaleAreDoubtedInOneSentenceForAllViews) {
+  const auto with = [](const std::string& times, const std::string& max_age) {
+    const std::string source =
+        "image_size: [640, 480], source: {rtsp: {url: 'rtsp://10.0.0.9/'" + times + "}}";
+    return Doubts(*Load(Changed("  - {name: top}\n  - {name: side, mask_size: [32, 16]}\n",
+                                "  - {name: top, " + source + "}\n  - {name: side, " + source +
+                                    "}\nserver: {max_age: " + max_age + "}\n")));
+  };
+  EXPECT_THAT(with("", "1 s"),
+              ElementsAre(HasSubstr("views 'top', 'side': with a latency of 500 ms a scene is more "
+                                    "than 1 s old before the next one comes"),
+                          HasSubstr("views 'top', 'side': a silent camera delays all views by its "
+                                    "timeout, 5 s")));
+  EXPECT_THAT(with("", "3 s"), ElementsAre(HasSubstr("timeout, 5 s")));
+  EXPECT_THAT(with(", timeout: 2 s", "3 s"), ElementsAre());
+}
+
+TEST(Cell, SlideWithLimitsInMillimetresIsDoubted) {
+  const auto with = [](const std::string& limits) {
+    const std::string urdf = (TestFolder() / "slide.urdf").string();
+    std::ofstream(urdf) << "<robot name='r'><link name='a'/><link name='b'><visual><geometry><box "
+                           "size='0.1 0.1 0.1'/></geometry></visual></link><joint name='s' "
+                           "type='prismatic'><parent link='a'/><child link='b'/><limit "
+                        << limits << "/></joint></robot>";
+    return Doubts(*Load("name: x\nrobot: {urdf: " + urdf +
+                        ", joints: [{name: s}]}\ngrid: {steps: {s: 1000}}\n"
+                        "views: [{name: top}]\n"));
+  };
+  EXPECT_THAT(with("lower='-0.05' upper='0.04'"), ElementsAre());
+  EXPECT_THAT(with("lower='-50' upper='40'"),
+              ElementsAre(AllOf(HasSubstr("joint 's': its limits, -50 to 40, are 90 m apart"),
+                                HasSubstr("{name: s, lower: -50 mm, upper: 40 mm}"))));
+}
+
 TEST(Cell, ChecksThatAreSwitchedOffAreDoubtedInOneSentence) {
   EXPECT_THAT(Doubts(*Load(std::string(kBareCell) +
                            "server: {view_check: {least_gain: 0.1, most_shift: 5 px}}\n")),

@@ -71,6 +71,19 @@ TEST(Program, WrongCommandLineIsOneSentenceAndTheUsersMistake) {
   EXPECT_THAT(message, HasSubstr("--wrong"));
 }
 
+TEST(Program, UnknownOptionIsNamedBeforeWhereItsValueDoesNotFit) {
+  CLI::App app("A test", "tester");
+  int number = 0;
+  app.add_option("number", number);
+  std::vector<std::string> words = {"tester", "--out", "shown"};
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(RunProgram(app, 3, argv.data(), std::function<int()>([] { return 0; })), 2);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            "tester: there is no option '--out'; see --help\n");
+}
+
 TEST(Program, MistypedSubcommandIsNamedWithTheNearest) {
   CLI::App app("A test", "tester");
   app.require_subcommand(1);

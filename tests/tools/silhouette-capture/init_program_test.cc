@@ -29,10 +29,10 @@ class NewCell : public testing::Test {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return cell_.Run(arguments);
   }
-  Outcome InitSimulated() const {
+  Outcome InitSimulated(const std::string& front = "sim") const {
     return Init({"--joint", "joint_1=-150deg:150deg", "--joint", "joint_3", "--driver", "sim",
                  "--simulation", cell_ / "simulation.yaml", "--view", "top=sim", "--view",
-                 "front=sim", "--image-size", "160", "120"});
+                 "front=" + front, "--image-size", "160", "120"});
   }
 
   ProgramCell cell_;
@@ -241,9 +241,57 @@ TEST_F(NewCell, CheckNotesAViewWhoseSourceStatesNoExposure) {
     EXPECT_EQ(Init({"--joint", "joint_1", "--view", "top=" + source}).exit_code, 0);
     return cell_.Run(cell_.Arguments("check")).out;
   };
+  const auto doubtful_views = [&] {
+    const Outcome checked = cell_.Run(cell_.Arguments("check", {"--format", "json"}));
+    std::vector<std::string> doubtful;
+    const auto json = nlohmann::json::parse(checked.out);
+    for (const auto& finding : json["findings"]) {
+      if (finding["what"] == "view top" && finding["doubtful"].get<bool>()) {
+        doubtful.push_back(finding["text"]);
+      }
+    }
+    return doubtful;
+  };
   const std::string note = "NOTE   view top: its source states no exposure";
   EXPECT_THAT(check("/dev/video99"), HasSubstr(note));
+  EXPECT_THAT(doubtful_views(), ElementsAre(HasSubstr("its source states no exposure")));
   EXPECT_THAT(check("{v4l2: {device: /dev/video99, exposure: 5 ms}}"), Not(HasSubstr(note)));
+  EXPECT_THAT(doubtful_views(), ElementsAre());
+}
+
+TEST_F(NewCell, CheckSaysWhatToDoAboutImagesThatAreTooFarApart) {
+  std::filesystem::create_directory(cell_ / "images");
+  WriteText(cell_ / "images/1.pgm", "P5\n160 120\n255\n" + std::string(160 * 120, 'x'));
+  const Outcome made =
+      InitSimulated(absl::StrCat("{folder: {path: '", cell_ / "images", "', repeat: true}}"));
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  WriteText(cell_.cell(), ReadText(cell_.cell()) + "\nserver: {max_skew: 0 s}\n");
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1);
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  cameras: "),
+                                 HasSubstr("trigger the cameras together, or raise 'server: "
+                                           "max_skew' in the cell file if nothing in the cell")));
+}
+
+TEST_F(NewCell, CheckLooksAtTheRobotAndEveryCameraThoughOthersDoNotAnswer) {
+  const Outcome made = InitSimulated("{grpc: \"127.0.0.1:1\"}");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1);
+  EXPECT_THAT(checked.out,
+              AllOf(HasSubstr("ok     robot: answers"), HasSubstr("ok     view top: 160 x 120"),
+                    HasSubstr("FAULT  view front: no camera driver answers at")));
+}
+
+TEST_F(NewCell, CheckLooksAtTheCamerasThoughTheRobotDoesNotAnswer) {
+  ASSERT_EQ(Init({"--joint", "joint_1", "--driver", "{grpc: {address: \"127.0.0.1:1\"}}", "--view",
+                  "top=/dev/video99", "--view", "front=/dev/video98"})
+                .exit_code,
+            0);
+  const Outcome checked = cell_.Run(cell_.Arguments("check"));
+  EXPECT_EQ(checked.exit_code, 1);
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  robot: "), HasSubstr("FAULT  view top: "),
+                                 HasSubstr("FAULT  view front: ")));
 }
 
 TEST_F(NewCell, CheckNamesADriverThatDoesNotAnswer) {
@@ -253,7 +301,7 @@ TEST_F(NewCell, CheckNamesADriverThatDoesNotAnswer) {
             0);
   const Outcome checked = cell_.Run(cell_.Arguments("check"));
   EXPECT_EQ(checked.exit_code, 1) << checked.out << checked.err;
-  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  devices"),
+  EXPECT_THAT(checked.out, AllOf(HasSubstr("FAULT  robot"), HasSubstr("FAULT  view top"),
                                  HasSubstr("driver answers at 127.0.0.1:1; start it")));
 }
 

@@ -295,6 +295,39 @@ TEST_F(SilhouetteDbExchange, ImportTellsFileAndLineOfEachMistakeAndKeepsTheRest)
   EXPECT_THAT(outcome.out, HasSubstr("2 records imported"));
 }
 
+TEST_F(SilhouetteDbExchange, ImportTakesGridValuesWithSixDecimalsAndNoneThatAreFurtherOff) {
+  Write("cell.yaml", absl::StrReplaceAll(kTestCellFile, {{"lower: -1, upper: 1.5",
+                                                          "lower: -60 deg, "
+                                                          "upper: 60 deg"},
+                                                         {"axis_1: 6, axis_2: 5",
+                                                          "axis_1: 13, "
+                                                          "axis_2: 13"}}));
+  Write("l.png", EncodeMaskPng(OnePixel({64, 64})));
+  Write("t.png", EncodeMaskPng(OnePixel({33, 20})));
+  Write("configurations.csv",
+        "axis_1,axis_2,left,top\n"
+        "-1.047198,1.047198,l.png,t.png\n"  // a little outside
+        "0.174533,-0.698132,l.png,t.png\n");
+  const Ended taken = Run("import . --cell cell.yaml --database db");
+  EXPECT_EQ(taken.exit_code, 0) << taken.err;
+  EXPECT_THAT(taken.out, HasSubstr("2 records imported"));
+  Write("configurations.csv",
+        "axis_1,axis_2,left,top\n"
+        "0.174531,0,l.png,t.png\n"
+        "1.047200,0,l.png,t.png\n"
+        "1.1,0,l.png,t.png\n"
+        "2,32,l.png,t.png\n");
+  const Ended refused = Run("import . --cell cell.yaml --database other");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err,
+              AllOf(HasSubstr("csv:2: joint 'axis_1': 0.174531 is not on the grid"),
+                    HasSubstr("csv:3: joint 'axis_1': 1.047200 is outside"),
+                    HasSubstr("csv:5: joint 'axis_1': 2 is outside -1.0472 to 1.0472 (joint values "
+                              "are radians; did you mean degrees?")));
+  EXPECT_THAT(refused.err, HasSubstr("mend them and run it again\n"));
+  EXPECT_EQ(refused.out, "nothing is imported\nno database is made\n");
+}
+
 TEST_F(SilhouetteDbExchange, ImportRefusesMasksOfARobotThatWasMeasuredElsewhere) {
   Write("cell.yaml", kTestCellFile);
   Write("l.png", EncodeMaskPng(OnePixel({64, 64})));

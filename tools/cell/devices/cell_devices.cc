@@ -67,20 +67,34 @@ absl::Status PlaceRobot(const Cell& cell, const Travel& travel, const Simulation
   return absl::OkStatus();
 }
 
+absl::StatusOr<Simulation> PlacedSimulationOf(const Cell& cell, const Travel& travel,
+                                              const std::string& variant = kBareVariant) {
+  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell, variant));
+  if (simulation != nullptr) RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
+  return simulation;
+}
+
 }  // namespace
 
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
                                         const std::string& variant) {
-  ASSIGN_OR_RETURN(const auto simulation, SimulationOf(cell, variant));
-  if (simulation != nullptr) {
-    RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
-  }
+  ASSIGN_OR_RETURN(const auto simulation, PlacedSimulationOf(cell, travel, variant));
   return DevicesOf(cell, simulation);
+}
+
+absl::StatusOr<AnsweringDevices> OpenAnsweringDevices(const Cell& cell, const Travel& travel,
+                                                      const std::string& variant) {
+  ASSIGN_OR_RETURN(const auto simulation, PlacedSimulationOf(cell, travel, variant));
+  CameraErrors errors;
+  ASSIGN_OR_RETURN(auto cameras, OpenCameras(cell, simulation, &errors));
+  return AnsweringDevices{.robot = OpenRobot(cell, simulation),
+                          .cameras = std::move(cameras),
+                          .camera_errors = std::move(errors)};
 }
 
 absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
                                       const std::string& obstacles) {
-  ASSIGN_OR_RETURN(const auto loaded, SimulationOf(cell));
+  ASSIGN_OR_RETURN(const auto loaded, PlacedSimulationOf(cell, travel));
   const Simulation& simulation = loaded;
   if (simulation == nullptr && !obstacles.empty()) {
     return CellMistake(cell, absl::StrCat("'", obstacles,
@@ -88,7 +102,6 @@ absl::StatusOr<CellOpeners> OpenersOf(const Cell& cell, const Travel& travel,
                                           "of this cell is simulated"));
   }
   if (simulation != nullptr) {
-    RETURN_IF_ERROR(PlaceRobot(cell, travel, simulation));
     if (!obstacles.empty()) {
       ASSIGN_OR_RETURN(auto there, LoadObstacles(obstacles));
       simulation->SetObstacles(std::move(there));

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "capture/devices/camera_set.h"
 #include "capture/devices/devices.h"
@@ -27,6 +29,17 @@ struct CellDevices {
 // `variant` (simulation.yaml, `parts`).
 absl::StatusOr<CellDevices> OpenDevices(const Cell& cell, const Travel& travel,
                                         const std::string& variant);
+
+// The devices that can be opened, and why the others cannot.
+struct AnsweringDevices {
+  absl::StatusOr<std::unique_ptr<Robot>> robot;
+  std::unique_ptr<CameraSet> cameras;                 // of the views without an error
+  std::map<std::string, absl::Status> camera_errors;  // by view
+};
+
+// As OpenDevices(), for a look at a cell in which some devices may not answer.
+absl::StatusOr<AnsweringDevices> OpenAnsweringDevices(const Cell& cell, const Travel& travel,
+                                                      const std::string& variant);
 
 // Opens each device, as often as it is called.
 struct CellOpeners {

@@ -82,8 +82,9 @@ struct OwnDevice {
   }
 };
 
-// The camera drivers of the cell, each with all of its views.
-absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSource>>& sources) {
+// The camera drivers of the cell, each with all of its views. `errors`: as OpenCameras.
+absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSource>>& sources,
+                         CameraErrors* errors) {
   struct Driver {
     std::vector<GrpcView> views;
     absl::Duration timeout;
@@ -105,8 +106,12 @@ absl::Status OpenDrivers(const Cell& cell, std::vector<std::unique_ptr<CameraSou
   }
   for (const auto& [address, driver] : drivers) {
     OpenedSource opened = OpenGrpcCameras(address, driver.views, driver.timeout, driver.tls);
-    if (!opened.ok()) return opened.status();
-    sources.push_back(*std::move(opened));
+    if (opened.ok()) {
+      sources.push_back(*std::move(opened));
+      continue;
+    }
+    if (errors == nullptr) return opened.status();
+    for (const GrpcView& view : driver.views) errors->emplace(view.view, opened.status());
   }
   return absl::OkStatus();
 }
@@ -136,20 +141,25 @@ absl::Status CheckCameras(const Cell& cell) {
 }
 
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
-                                                       std::shared_ptr<SimulatedCell> simulation) {
+                                                       std::shared_ptr<SimulatedCell> simulation,
+                                                       CameraErrors* errors) {
   RETURN_IF_ERROR(CheckCameras(cell));
   std::vector<std::unique_ptr<CameraSource>> sources;
   if (HasSimulatedCamera(cell)) {
     ASSIGN_OR_RETURN(auto simulated, OpenSimulated(cell, std::move(simulation)));
     sources.push_back(std::make_unique<SimulatedCameras>(std::move(simulated)));
   }
-  RETURN_IF_ERROR(OpenDrivers(cell, sources));
+  RETURN_IF_ERROR(OpenDrivers(cell, sources, errors));
   std::vector<std::string> views;
   for (const ViewSettings& view : cell.views) {
-    views.push_back(view.name);
     OpenedSource source = std::visit(SourceOpener{view}, view.source);
-    if (!source.ok()) return OfView(view, source.status());
-    if (*source != nullptr) sources.push_back(*std::move(source));
+    if (!source.ok()) {
+      if (errors == nullptr) return OfView(view, source.status());
+      errors->emplace(view.name, source.status());
+    } else if (*source != nullptr) {
+      sources.push_back(*std::move(source));
+    }
+    if (errors == nullptr || !errors->contains(view.name)) views.push_back(view.name);
   }
   return std::make_unique<CameraSet>(std::move(views), std::move(sources));
 }

@@ -2,7 +2,9 @@
 // The simulated cell of a cell's file, for devices that are simulated in process.
 #pragma once
 
+#include <map>
 #include <memory>
+#include <string>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -30,10 +32,15 @@ absl::Status CellMistake(const Cell& cell, const std::string& what);
 // have the same camera.
 absl::Status CheckCameras(const Cell& cell);
 
+// By view: why its camera cannot be opened.
+using CameraErrors = std::map<std::string, absl::Status>;
+
 // `simulation` is used by simulated cameras only; null if there are none. Errors: those of
-// CheckCameras, and those of a camera that cannot be opened, naming its view.
+// CheckCameras, and that of the first camera that cannot be opened, naming its view. With `errors`
+// these go there instead, and the set has no such views.
 absl::StatusOr<std::unique_ptr<CameraSet>> OpenCameras(const Cell& cell,
-                                                       std::shared_ptr<SimulatedCell> simulation);
+                                                       std::shared_ptr<SimulatedCell> simulation,
+                                                       CameraErrors* errors = nullptr);
 
 // The robot that a cell's file names.
 
