@@ -494,7 +494,7 @@ TEST(RobotModel, ObjMeshWhoseEndIsMissingIsRefusedWhereItShows) {
   EXPECT_EQ(RefusalOf("link.obj", whole), "");
   EXPECT_EQ(RefusalOf("link.obj", whole.substr(0, whole.size() - 1)), "") << "no last line feed";
   EXPECT_EQ(RefusalOf("link.obj",
-                      "v 9 9 9\n" + whole.substr(0, whole.find("f 1 4")) + "f 2 3 5\nv 0 0 0\n"),
+                      "v 4 4 4\n" + whole.substr(0, whole.find("f 1 4")) + "f 2 3 5\nv 0 0 0\n"),
             "")
       << "vertices for markers";
   EXPECT_THAT(RefusalOf("link.obj", whole.substr(0, whole.find("f 1/")) + "v 1 1 2\nv 1 1 3\n"),
