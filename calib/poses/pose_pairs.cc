@@ -418,9 +418,12 @@ std::string DoubtOfSize(const Links& links, const PairSolution& stated) {
   if (shift < kHarmlessShift) return "";
   return absl::StrFormat(
       "has boards whose size the motion of the robot does not determine (+- %.1f %%): a print %.0f "
-      "%% too large shifts points of the workspace by up to %.1f mm; move the flange by 20 cm and "
-      "more, or measure the print and vouch for it (--trust-size stated)",
-      100 * sigma, 100 * kRefusedSize, 1000 * shift);
+      "%% too large shifts points of the workspace by up to %.1f mm; measure the print and vouch "
+      "for "
+      "it (--trust-size stated), or take more pairs, farther apart: the flange should move by 20 "
+      "cm "
+      "and more, and these pairs miss each other by %.1f mm",
+      100 * sigma, 100 * kRefusedSize, 1000 * shift, 1000 * stated.position_sigma);
 }
 
 // `numbers`: what messages call the pairs.
@@ -466,7 +469,11 @@ std::string DoubtOfHalves(const Links& links, const PairSolution& all) {
   const size_t count = links.links.size();
   for (const bool first : {true, false}) {
     const PairSolution half = Without(links, all, first ? count / 2 : 0, first ? count : count / 2);
-    if (Kept(half) < kLeastOfHalf) continue;
+    Isometries used;
+    for (size_t i = 0; i < count; ++i) {
+      if (!half.residuals[i].outlier) used.push_back(links.links[i]);
+    }
+    if (used.size() < kLeastOfHalf || !CheckTurns(used).ok()) continue;
     const double sigma = SigmaOf(links, half);
     const double shift = ShiftOf(links, all, half);
     if (!(shift > MostShift(sigma))) continue;
@@ -615,7 +622,7 @@ absl::StatusOr<PairSolution> SolvePairFile(const PairFile& file, const PoseView&
   }
   absl::StatusOr<PairSolution> other =
       SolvePosePairs(view.on_flange ? inverted : file.pairs, view, trust);
-  if (!other.ok()) return solution;
+  if (!other.ok() || !CheckMount(view, *other).ok()) return solution;
   absl::StrAppend(&other->warning, other->warning.empty() ? "" : "; it ",
                   "has robot poses that are the inverse of those that easy_handeye stores of such "
                   "a camera; they are taken as they fit");

@@ -207,8 +207,10 @@ absl::Duration SceneStore::LongestGap() const {
   absl::Duration longest;
   for (size_t i = 1; i < scenes_.size(); ++i) {
     const Scene &former = *scenes_[i - 1], &next = *scenes_[i];
-    longest = std::max(
-        {longest, next.newest - former.newest, next.oldest.running - former.oldest.running});
+    // A scene without images has `newest` of an earlier one, and came at `oldest`.
+    const absl::Duration before = std::max(former.newest, former.oldest.running);
+    longest =
+        std::max({longest, next.newest - before, next.oldest.running - former.oldest.running});
   }
   return longest;
 }

@@ -75,15 +75,17 @@ void DoubtSources(const Cell& cell, std::vector<std::string>& doubts) {
     if (delays.timeout >= max_age) silent[delays.timeout].push_back(view.name);
   }
   for (const auto& [latency, views] : late) {
-    doubts.push_back(absl::StrCat(
-        Called(views), ": with a latency of ", SpokenTime(latency), " a scene is more than ",
-        SpokenTime(2 * latency), " old before the next one comes, and is stale meanwhile: state a ",
-        "greater 'server: max_age' than ", SpokenTime(max_age),
-        ", or the camera's latency if it is less"));
+    doubts.push_back(
+        absl::StrCat(Called(views), ": with --live and a latency of ", SpokenTime(latency),
+                     " a scene is more than ", SpokenTime(2 * latency),
+                     " old before the next one comes, and is stale meanwhile: state a ",
+                     "greater 'server: max_age' than ", SpokenTime(max_age),
+                     ", or the camera's latency if it is less"));
   }
   for (const auto& [timeout, views] : silent) {
     doubts.push_back(absl::StrCat(
-        Called(views), ": a silent camera delays all views by its timeout, ", SpokenTime(timeout),
+        Called(views), ": with --live a silent camera delays all views by its timeout, ",
+        SpokenTime(timeout),
         ", and the whole cell is unknown: state a 'timeout' of less than 'server: max_age', ",
         SpokenTime(max_age)));
   }

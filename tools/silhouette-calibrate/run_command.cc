@@ -374,11 +374,13 @@ absl::StatusOr<ExitCode> TellOfLenses(const RunArguments& arguments, const absl:
   WarnOfEarlierCameras(arguments);
   if (absl::IsCancelled(why)) return why;
   const ExitCode code = Report("silhouette-calibrate", why);
-  std::cerr << "The images are kept: take more (--resume and a greater --frames; --joint gives the "
-               "robot more room),\nor find the lenses with boards held by hand (intrinsics) and "
-               "give them: --resume --cameras FOLDER"
+  const bool more = absl::IsFailedPrecondition(why);  // images would mend it
+  std::cerr << (more ? "The images are kept: take more (--resume and a greater --frames; --joint "
+                       "gives the robot more room),\nor find the lenses with boards held by hand "
+                       "(intrinsics) and give them: --resume --cameras FOLDER"
+                     : "The images are kept: mend it, and go on with --resume")
             << std::endl;
-  return absl::IsFailedPrecondition(why) ? kNo : code;
+  return more ? kNo : code;
 }
 
 absl::StatusOr<ExitCode> RunWork(RunArguments arguments) {

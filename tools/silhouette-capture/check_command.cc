@@ -226,10 +226,12 @@ Findings OfCameras(const Cell& cell, AnsweringDevices& devices) {
 Findings OfDevices(const CellFile& file, const Travel& travel) {
   auto devices = OpenAnsweringDevices(file.cell, travel, file.variant);
   if (!devices.ok()) return {{"devices", false, std::string(devices.status().message())}};
+  // First: a person at a manual robot is asked only when all else is known.
+  const Findings cameras = OfCameras(file.cell, *devices);
   const absl::Status answers = devices->robot.status();
   Findings findings = answers.ok() ? OfRobot(file.cell, **devices->robot)
                                    : Findings{{"robot", false, std::string(answers.message())}};
-  for (const Findings& more : {OfCameras(file.cell, *devices), OfExchangedViews(file, *devices)}) {
+  for (const Findings& more : {cameras, OfExchangedViews(file, *devices)}) {
     findings.insert(findings.end(), more.begin(), more.end());
   }
   return findings;

@@ -96,6 +96,7 @@ TEST(SceneStore, SceneWithoutImagesKeepsNoLaterOneOutHoweverLongItsImagesWereUnd
     const auto next =
         store.Publish(SceneStoreSceneOf(*database, kStart - absl::Milliseconds(500)), database);
     EXPECT_TRUE(next.ok()) << next.status();
+    EXPECT_LE(store.LongestGap(), absl::Seconds(1)) << "not the time since the start";
   }
 }
 

@@ -157,11 +157,13 @@ TEST(Cell, CamerasThatMakeScenesStaleAreDoubtedInOneSentenceForAllViews) {
                                 "  - {name: top, " + source + "}\n  - {name: side, " + source +
                                     "}\nserver: {max_age: " + max_age + "}\n")));
   };
-  EXPECT_THAT(with("", "1 s"),
-              ElementsAre(HasSubstr("views 'top', 'side': with a latency of 500 ms a scene is more "
-                                    "than 1 s old before the next one comes"),
-                          HasSubstr("views 'top', 'side': a silent camera delays all views by its "
-                                    "timeout, 5 s")));
+  EXPECT_THAT(
+      with("", "1 s"),
+      ElementsAre(
+          HasSubstr("views 'top', 'side': with --live and a latency of 500 ms a scene is more "
+                    "than 1 s old before the next one comes"),
+          HasSubstr("views 'top', 'side': with --live a silent camera delays all views by its "
+                    "timeout, 5 s")));
   EXPECT_THAT(with("", "3 s"), ElementsAre(HasSubstr("timeout, 5 s")));
   EXPECT_THAT(with(", timeout: 2 s", "3 s"), ElementsAre());
 }

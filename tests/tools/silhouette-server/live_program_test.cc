@@ -162,15 +162,18 @@ TEST_F(LiveProgramTest, LatencyThatMakesScenesStaleIsToldAtTheStart) {
   const auto log_with = [&](const std::string& max_age) {
     return LogWith("{rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 300 ms}}", max_age);
   };
-  EXPECT_THAT(log_with("500 ms"), HasSubstr("view 'top': with a latency of 300 ms a scene is more "
-                                            "than 600 ms old before the next one comes"));
+  EXPECT_THAT(log_with("500 ms"),
+              HasSubstr("view 'top': with --live and a latency of 300 ms a scene is more "
+                        "than 600 ms old before the next one comes"));
   EXPECT_THAT(log_with("2 s"), Not(HasSubstr("latency")));
 }
 
 TEST_F(LiveProgramTest, TimeoutThatMakesScenesStaleIsToldAtTheStart) {
-  EXPECT_THAT(LogWith("{rtsp: 'rtsp://127.0.0.1:9/'}", "5 s"),
-              HasSubstr("view 'top': a silent camera delays all views by its timeout, 5 s, and the "
-                        "whole cell is unknown"));
+  EXPECT_THAT(
+      LogWith("{rtsp: 'rtsp://127.0.0.1:9/'}", "5 s"),
+      HasSubstr(
+          "view 'top': with --live a silent camera delays all views by its timeout, 5 s, and the "
+          "whole cell is unknown"));
   EXPECT_THAT(
       LogWith("{rtsp: {url: 'rtsp://127.0.0.1:9/', latency: 100 ms, timeout: 400 ms}}", "5 s"),
       Not(HasSubstr("silent camera")));
@@ -187,7 +190,7 @@ TEST_F(LiveProgramTest, CallsHaveTheirGraceAndTheEndIsRecordedThoughACameraIsSil
   ASSERT_EQ(listen(silent, 16), 0);
   ASSERT_EQ(getsockname(silent, reinterpret_cast<sockaddr*>(&at), &size), 0);
   const std::string source =
-      absl::StrCat("{grpc: {address: '127.0.0.1:", ntohs(at.sin_port), "', timeout: 30 s}}");
+      absl::StrCat("{grpc: {address: '127.0.0.1:", ntohs(at.sin_port), "', timeout: 8 s}}");
   const std::string file = *cell / "silent.yaml";
   WriteText(file,
             absl::StrReplaceAll(ReadText(cell->cell()),
@@ -195,8 +198,8 @@ TEST_F(LiveProgramTest, CallsHaveTheirGraceAndTheEndIsRecordedThoughACameraIsSil
                                  {"name: top, source: sim", "name: top, source: " + source}}));
   StartOnly("--live", file);
   server->Address();
-  std::this_thread::sleep_for(std::chrono::seconds(1));  // until it waits for the camera
-  EXPECT_EQ(server->End(SIGTERM), 3) << "something hangs";
+  const int ended = server->End(SIGTERM);
+  EXPECT_TRUE(ended == 3 || ended == 0) << ended;  // 0: between two tries to reach the camera
   EXPECT_THAT(ReadText(*cell / "silent.jsonl"), HasSubstr("server.stop"));
   close(silent);
 }
