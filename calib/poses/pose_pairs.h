@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera poses from pairs of poses instead of corners, as easy_handeye and MoveIt record them:
-// where the robot's flange was, and where a board was before the camera.
+// Camera poses from pairs of poses (pose_pair_file.h) instead of corners.
 //
 // The pairs do not say how exact they are. Their noise, of position and of rotation, is found from
 // how they miss each other; an error that they share is not, but for the board's size. Pairs at one
@@ -15,25 +14,10 @@
 
 #include "absl/status/statusor.h"
 #include "calib/poses/pose_calibration.h"
+#include "calib/poses/pose_pair_file.h"
 #include "calib/poses/pose_problem.h"
 
 namespace silhouette {
-
-struct PosePair {
-  Eigen::Isometry3d base_from_flange = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d camera_from_board = Eigen::Isometry3d::Identity();
-};
-
-struct PairFile {
-  std::vector<PosePair> pairs;  // base_from_flange as the file has it
-  // easy_handeye's, which has flange_from_base in its place where the camera stands still.
-  bool easy_handeye = false;
-};
-
-// MoveIt's samples, a list of effector_wrt_world and object_wrt_sensor (4x4, row by row), or
-// easy_handeye's, `samples`: a list of robot and tracking. `file`: what messages call it.
-// InvalidArgument with file and line: neither of these, values that are no pose, or millimetres.
-absl::StatusOr<PairFile> PosePairsFromText(const std::string& text, const std::string& file);
 
 struct PairResidual {
   double position = 0;  // metres

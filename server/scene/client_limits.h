@@ -9,7 +9,7 @@ namespace silhouette {
 struct ClientLimits {
   int connections = 1000;
   int connections_per_client = 200;
-  // Watches and streams of checks.
+  // Watches, streams of checks and spaces that are asked for.
   int streams = 500;
   int streams_per_client = 100;
   // Of one client; it may save up those of one second.

@@ -261,6 +261,14 @@ std::string NumbersOf(const Eigen::Isometry3d& pose) {
   return text;
 }
 
+// One camera, and a board on the flange in 12 poses.
+PoseRig DrivenRig() {
+  PoseRig rig(4, 1);
+  rig.AddFlangeBoard();
+  rig.Drive(12);
+  return rig;
+}
+
 // A session of pairs, as MoveIt records it. `noise` of what is seen: metres, and radians.
 std::string SamplesOf(PoseRig& rig, double noise = 1e-5) {
   std::string samples;
@@ -275,9 +283,7 @@ std::string SamplesOf(PoseRig& rig, double noise = 1e-5) {
 }
 
 TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
-  PoseRig rig(4, 1);
-  rig.AddFlangeBoard();
-  rig.Drive(12);
+  PoseRig rig = DrivenRig();
   Write("samples.yaml", SamplesOf(rig));
   const CameraModel lens(rig.problem.views[0].lens);
   const std::string command =
@@ -295,9 +301,7 @@ TEST_F(CalibratePosesProgram, PairsDoNotHideThatALensIsNotKnown) {
 }
 
 TEST_F(CalibratePosesProgram, PairsHaveNoFiguresOfCornersAndTakeNoOptionsOfThem) {
-  PoseRig rig(4, 1);
-  rig.AddFlangeBoard();
-  rig.Drive(12);
+  PoseRig rig = DrivenRig();
   WriteRig(rig);
   Write("samples.yaml", SamplesOf(rig));
   const std::string command = "poses --cameras lenses --pairs camera0=samples.yaml --out cameras ";
@@ -320,9 +324,7 @@ TEST_F(CalibratePosesProgram, PairsHaveNoFiguresOfCornersAndTakeNoOptionsOfThem)
 }
 
 TEST_F(CalibratePosesProgram, PairsOfAViewTwiceAreRefusedAndTheCalibrationStays) {
-  PoseRig rig(4, 1);
-  rig.AddFlangeBoard();
-  rig.Drive(12);
+  PoseRig rig = DrivenRig();
   WriteRig(rig);
   Write("samples.yaml", SamplesOf(rig));
   const std::string command = "poses --cameras lenses --out cameras --pairs camera0=samples.yaml ";
@@ -361,9 +363,7 @@ TEST_F(CalibratePosesProgram, PairsOfABoardWhoseSizeNothingChecksAreRefusedUnles
 }
 
 TEST_F(CalibratePosesProgram, PairsThatGiveAViewPoorlySaySo) {
-  PoseRig rig(4, 1);
-  rig.AddFlangeBoard();
-  rig.Drive(12);
+  PoseRig rig = DrivenRig();
   WriteRig(rig);
   const std::string command =
       "poses --cameras lenses --pairs camera0=samples.yaml --accept-doubts --out cameras";
