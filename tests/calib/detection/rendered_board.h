@@ -96,8 +96,8 @@ class RenderedBoard {
     return static_cast<size_t>(std::ranges::upper_bound(lines_[axis], coordinate) -
                                lines_[axis].begin());
   }
-  size_t CellAt(const Eigen::Vector2d& at) const {
-    return PlaceOf(at.y(), 1) * (lines_[0].size() + 1) + PlaceOf(at.x(), 0);
+  size_t CellAt(double x, double y) const {
+    return PlaceOf(y, 1) * (lines_[0].size() + 1) + PlaceOf(x, 0);
   }
 
   // 1 on white, 0 on black.
@@ -114,20 +114,20 @@ class RenderedBoard {
         rays(y, x) = {ray.x() / ray.z(), ray.y() / ray.z()};
       }
     }
-    const Eigen::Matrix3d board_from_ray = [&] {
-      Eigen::Matrix3d ray_from_board;
-      ray_from_board << camera_.camera_from_world().linear().leftCols<2>(),
-          camera_.camera_from_world().translation();
-      return Eigen::Matrix3d(ray_from_board.inverse());
-    }();
+    Eigen::Matrix3d ray_from_board;
+    ray_from_board << camera_.camera_from_world().linear().leftCols<2>(),
+        camera_.camera_from_world().translation();
+    // Plain numbers: tests are hardly optimised, and this is most of their time.
+    std::array<double, 9> h;
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.data()) = ray_from_board.inverse();
     // A pixel is sampled at the points of a sequence that spreads evenly along all directions, and
     // at their mirror images, so that their mean is the pixel's centre.
-    std::vector<cv::Vec2d> places(400);
+    std::array<std::array<double, 2>, 256> places;
     for (size_t i = 0; i < places.size(); i += 2) {
       double whole = 0;
       places[i] = {std::modf(0.5 + static_cast<double>(i) * 0.7548776662466927, &whole),
                    std::modf(0.5 + static_cast<double>(i) * 0.5698402909980532, &whole)};
-      places[i + 1] = cv::Vec2d(1, 1) - places[i];
+      places[i + 1] = {1 - places[i][0], 1 - places[i][1]};
     }
     cv::Mat_<float> grey(k.height, k.width);
     for (int y = 0; y < k.height; ++y) {
@@ -137,15 +137,16 @@ class RenderedBoard {
         const cv::Vec2d down = rays(y + 1, x) - origin;
         const cv::Vec2d twist = rays(y + 1, x + 1) - rays(y + 1, x) - right;
         const auto cell_at = [&](double a, double b) {
-          const cv::Vec2d ray = origin + a * right + b * down + a * b * twist;
-          const Eigen::Vector3d at = board_from_ray * Eigen::Vector3d(ray[0], ray[1], 1);
-          return CellAt({at.x() / at.z(), at.y() / at.z()});
+          const double u = origin[0] + a * right[0] + b * down[0] + a * b * twist[0];
+          const double v = origin[1] + a * right[1] + b * down[1] + a * b * twist[1];
+          const double z = h[6] * u + h[7] * v + h[8];
+          return CellAt((h[0] * u + h[1] * v + h[2]) / z, (h[3] * u + h[4] * v + h[5]) / z);
         };
         const size_t first = cell_at(0, 0);
         double white = WhiteOf(first);
         if (cell_at(1, 0) != first || cell_at(0, 1) != first || cell_at(1, 1) != first) {
           white = 0;
-          for (const cv::Vec2d& place : places) white += WhiteOf(cell_at(place[0], place[1]));
+          for (const auto& [a, b] : places) white += WhiteOf(cell_at(a, b));
           white /= static_cast<double>(places.size());
         }
         grey(y, x) = static_cast<float>(settings.black + (settings.white - settings.black) * white);
