@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <set>
 #include <stdexcept>
 #include <utility>
@@ -120,6 +121,38 @@ Crossing CrossingOf(const TriangleMesh& mesh, const std::array<uint32_t, 3>& tri
 }  // namespace
 
 bool IsClosed(const TriangleMesh& mesh) { return IsClosedWelded(Welded(mesh)); }
+
+std::vector<TriangleMesh> SolidsOf(const TriangleMesh& mesh) {
+  const TriangleMesh welded = Welded(mesh);
+  std::vector<uint32_t> piece(welded.vertices.size());
+  std::iota(piece.begin(), piece.end(), 0);
+  const auto piece_of = [&](uint32_t vertex) {
+    while (piece[vertex] != vertex) vertex = piece[vertex] = piece[piece[vertex]];
+    return vertex;
+  };
+  for (const auto& [a, b, c] : welded.triangles) {
+    piece[piece_of(b)] = piece_of(a);
+    piece[piece_of(c)] = piece_of(a);
+  }
+  std::map<uint32_t, TriangleMesh> pieces;
+  for (const auto& triangle : welded.triangles) {
+    TriangleMesh& of_piece = pieces[piece_of(triangle[0])];
+    const auto at = static_cast<uint32_t>(of_piece.vertices.size());
+    for (uint32_t vertex : triangle) of_piece.vertices.push_back(welded.vertices[vertex]);
+    of_piece.triangles.push_back({at, at + 1, at + 2});
+  }
+  std::map<bool, TriangleMesh> solids;  // by whether the volume's sign is positive
+  for (const auto& [number, of_piece] : pieces) {
+    TriangleMesh& solid = solids[SignedVolume(of_piece) > 0];
+    const auto first = static_cast<uint32_t>(solid.vertices.size());
+    solid.vertices.insert(solid.vertices.end(), of_piece.vertices.begin(), of_piece.vertices.end());
+    for (const auto& [a, b, c] : of_piece.triangles) {
+      solid.triangles.push_back({first + a, first + b, first + c});
+    }
+  }
+  if (solids.size() == 1) return {mesh};
+  return {solids[false], solids[true]};
+}
 
 DistanceField::DistanceField(std::span<const TriangleMesh> meshes, double range, double step)
     : step_(step) {

@@ -16,6 +16,10 @@ namespace silhouette {
 // other, where vertices at one place are one vertex, and no triangle is there from both sides.
 bool IsClosed(const TriangleMesh& mesh);
 
+// Closed meshes, together of all triangles of a closed mesh: if some of its connected pieces are
+// turned the other way, inside out or as hollows of others, those of either way; else the mesh.
+std::vector<TriangleMesh> SolidsOf(const TriangleMesh& mesh);
+
 // Samples on a lattice, taken from the meshes once. Cannot be changed once made; used by any number
 // of threads.
 class DistanceField {

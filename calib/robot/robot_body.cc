@@ -215,7 +215,9 @@ RobotBody::Fields RobotBody::FieldsOf(const RobotLink& link, const Settings& set
     const TriangleMesh mesh = MeshOf(geometry);
     const bool closed = IsClosed(mesh);
     if (closed) certain.push_back(mesh);
-    whole.push_back(closed ? mesh : HullAround(mesh));
+    for (TriangleMesh& solid : closed ? SolidsOf(mesh) : std::vector{HullAround(mesh)}) {
+      whole.push_back(std::move(solid));
+    }
   }
   Fields fields{.certain = field_of(certain), .whole = nullptr, .bulge = bulge};
   fields.whole = certain.size() == whole.size() ? fields.certain : field_of(whole);

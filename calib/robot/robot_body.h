@@ -98,7 +98,8 @@ class RobotBody {
   // positive.
   RobotBody(const RobotModel& robot, const Settings& settings);
 
-  // Names of the links that have a shape whose mesh is not closed.
+  // Names of the links that have a shape whose mesh is not closed, or has hollows or pieces that
+  // are inside out.
   const std::vector<std::string>& open_links() const { return open_links_; }
 
   // The body with the joints at `positions`, in the order of the model's joints, each up to its

@@ -52,9 +52,15 @@ absl::Status RobotModel::NoJoint(const std::string& name) const {
 
 std::vector<bool> RobotModel::Outermost() const {
   std::vector<bool> outermost(links_.size(), true);
-  for (const RobotLink& link : links_) {
-    if (link.parent >= 0) outermost[static_cast<size_t>(link.parent)] = false;
+  std::vector<bool> moves(links_.size(), false);
+  for (size_t i = 0; i < links_.size(); ++i) {
+    moves[i] = links_[i].joint >= 0;
+    if (links_[i].parent < 0) continue;
+    const auto parent = static_cast<size_t>(links_[i].parent);
+    moves[i] = moves[i] || moves[parent];
+    outermost[parent] = false;
   }
+  for (size_t i = 0; i < links_.size(); ++i) outermost[i] = outermost[i] && moves[i];
   return outermost;
 }
 

@@ -106,7 +106,7 @@ class RobotModel {
 
   // Every link stands after its parent; the first is the base.
   const std::vector<RobotLink>& links() const { return links_; }
-  // By link, whether none hangs on it: tool and payload do.
+  // By link, whether a joint moves it and no link hangs on it: there tool and payload are.
   std::vector<bool> Outermost() const;
 
   // The same robot with one more body on a link, by its index in links().

@@ -2,6 +2,7 @@
 #include "capture/devices/camera_set.h"
 
 #include <algorithm>
+#include <chrono>
 #include <future>
 #include <stdexcept>
 #include <utility>
@@ -44,30 +45,51 @@ CameraSet::CameraSet(std::vector<std::string> views,
                      std::vector<std::unique_ptr<CameraSource>> sources)
     : views_(std::move(views)),
       sources_(std::move(sources)),
+      reaching_(sources_.size()),
       places_(PlacesOf(views_, sources_)),
       counts_(views_.size()) {}
 
 CameraSet::~CameraSet() {
   // A camera that does not answer any more is waited for; all of them at the same time.
   std::vector<std::future<void>> closing;
-  for (auto& source : sources_) {
-    closing.push_back(std::async(std::launch::async, [&source] { source.reset(); }));
+  for (size_t s = 0; s < sources_.size(); ++s) {
+    closing.push_back(std::async(std::launch::async, [this, s] {
+      if (reaching_[s].opened.valid()) reaching_[s].opened.wait();
+      sources_[s].reset();
+    }));
   }
 }
 
-std::vector<absl::Status> CameraSet::TriggerAll() {
-  std::vector<absl::Status> asked(sources_.size());
+std::vector<absl::Status> CameraSet::ReachAll(bool complete) {
+  bool wait = true;
+  for (size_t s = 0; s < sources_.size(); ++s) {
+    if (reaching_[s].opened.valid()) continue;
+    if (sources_[s]->ready()) {
+      wait = complete;
+    } else {
+      reaching_[s].opened =
+          std::async(std::launch::async, [&source = *sources_[s]] { return source.Open(); });
+    }
+  }
+  std::vector<absl::Status> there(sources_.size());
+  for (size_t s = 0; s < sources_.size(); ++s) {
+    auto& [opened, why] = reaching_[s];
+    if (!opened.valid()) continue;
+    if (wait || opened.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
+      there[s] = why = opened.get();
+    } else {
+      there[s] = why.ok()
+                     ? absl::UnavailableError("the connection to it was lost; it is looked for")
+                     : why;
+    }
+  }
+  return there;
+}
+
+std::vector<absl::Status> CameraSet::TriggerAll(bool complete) {
+  std::vector<absl::Status> asked = ReachAll(complete);
   // A source that is not there may take seconds to say so: several do so at the same time.
   std::vector<std::future<void>> slow;
-  const auto at_the_same_time = [&](size_t s, absl::Status (CameraSource::*act)()) {
-    slow.push_back(std::async(std::launch::async,
-                              [this, s, act, &asked] { asked[s] = (*sources_[s].*act)(); }));
-  };
-  for (size_t s = 0; s < sources_.size(); ++s) {
-    if (!sources_[s]->ready()) at_the_same_time(s, &CameraSource::Open);
-  }
-  for (std::future<void>& opened : slow) opened.get();
-  slow.clear();
   bool all_there = true;
   for (size_t s = 0; s < sources_.size(); ++s) {
     if (!asked[s].ok()) continue;
@@ -75,19 +97,20 @@ std::vector<absl::Status> CameraSet::TriggerAll() {
       asked[s] = sources_[s]->Trigger();
       all_there = asked[s].ok();
     } else {
-      at_the_same_time(s, &CameraSource::Trigger);
+      slow.push_back(
+          std::async(std::launch::async, [this, s, &asked] { asked[s] = sources_[s]->Trigger(); }));
     }
   }
   for (std::future<void>& triggered : slow) triggered.get();
   return asked;
 }
 
-std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
+std::vector<absl::StatusOr<CameraImage>> CameraSet::Take(bool complete) {
   std::vector<absl::StatusOr<CameraImage>> images(views_.size());
   const auto fail = [&](size_t source, const absl::Status& status) {
     for (const size_t view : places_[source]) images[view] = Failed(source, view, status);
   };
-  const std::vector<absl::Status> asked = TriggerAll();
+  const std::vector<absl::Status> asked = TriggerAll(complete);
   const absl::Duration begin = RunningNow();
   for (size_t s = 0; s < sources_.size(); ++s) {  // even if one failed: nothing may be left over
     if (!asked[s].ok()) {
@@ -112,9 +135,11 @@ std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() {
   return images;
 }
 
+std::vector<absl::StatusOr<CameraImage>> CameraSet::GrabEach() { return Take(/*complete=*/false); }
+
 absl::StatusOr<std::vector<CameraImage>> CameraSet::Grab() {
   std::vector<CameraImage> images;
-  for (absl::StatusOr<CameraImage>& image : GrabEach()) {
+  for (absl::StatusOr<CameraImage>& image : Take(/*complete=*/true)) {
     if (!image.ok()) return image.status();
     images.push_back(*std::move(image));
   }

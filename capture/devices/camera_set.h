@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,23 +34,36 @@ class CameraSet : public CameraRig {
   // one.
   absl::StatusOr<std::vector<CameraImage>> Grab() override;
 
-  // The same, with the images that came and, for every other view, why its own did not.
+  // The same, with the images that came and, for every other view, why its own did not. Devices
+  // that were lost are waited for only if no other is there.
   std::vector<absl::StatusOr<CameraImage>> GrabEach() override;
 
   // In the order of views().
   const std::vector<ViewCounts>& counts() const { return counts_; }
 
  private:
-  // By source, whether it was triggered: all that are there, one right after the other, once
-  // devices that were lost have been reached again. After the first that fails the rest at the same
-  // time.
-  std::vector<absl::Status> TriggerAll();
+  // What is known of a source that was lost.
+  struct Reaching {
+    std::future<absl::Status> opened;  // Open(), under way: nothing else of the source is called
+    absl::Status why;                  // the error of the last one; OK: none has ended yet
+  };
+
+  // GrabEach(); `complete`: lost devices are waited for in any case.
+  std::vector<absl::StatusOr<CameraImage>> Take(bool complete);
+
+  // By source, whether it is there. Opens those that are not, at the same time.
+  std::vector<absl::Status> ReachAll(bool complete);
+
+  // By source, whether it was triggered: all that are there, one right after the other. After the
+  // first that fails the rest at the same time.
+  std::vector<absl::Status> TriggerAll(bool complete);
 
   // The error to report for the image of a view of this source, which it counts.
   absl::Status Failed(size_t source, size_t view, const absl::Status& status);
 
   const std::vector<std::string> views_;
   std::vector<std::unique_ptr<CameraSource>> sources_;
+  std::vector<Reaching> reaching_;           // by source
   std::vector<std::vector<size_t>> places_;  // by source: where its images go
   std::vector<ViewCounts> counts_;
 };

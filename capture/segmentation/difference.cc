@@ -34,6 +34,9 @@ void Validate(const SegmentationSettings& settings) {
     throw std::invalid_argument("segmentation: faint_side must be an odd number from 3 to 15");
   }
   not_negative(settings.clean_up_radius, "clean_up_radius");
+  if (settings.clean_up_radius > SegmentationSettings::kMostCleanUpRadius) {
+    throw std::invalid_argument("segmentation: clean_up_radius must be at most 15");
+  }
   not_negative(settings.min_blob_pixels, "min_blob_pixels");
 }
 

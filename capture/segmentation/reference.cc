@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -232,39 +233,38 @@ constexpr double kReferenceWithRobotEnough =
 constexpr double kTypicalWeight = 8;         // as many images' worth of trust has the typical noise
 constexpr double kNormalDeviation = 1.4826;  // times the median deviation
 
-double MedianOf(std::vector<double>& values) {
+double MedianOf(std::vector<float>& values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
 
-// What a value of a pixel is when the robot is not there.
+// What a value of a pixel is when the robot is not there. There are tens of millions of them.
 struct Seen {
-  bool known = false;
-  double mean = 0;
-  double squares = 0;  // of the deviations from the mean
-  double count = 0;
+  float mean = 0;
+  float squares = 0;  // of the deviations from the mean
+  int count = 0;      // 0: not known
 };
 
-Seen SeenOf(std::vector<double>& values) {
+Seen SeenOf(std::vector<float>& values) {
   if (values.size() < static_cast<size_t>(Reference::kFewestUncovered)) return {};
+  const double enough = std::max<double>(
+      Reference::kFewestUncovered, kReferenceWithRobotEnough * static_cast<double>(values.size()));
   const double median = MedianOf(values);
-  std::vector<double> deviations;
-  for (const double value : values) deviations.push_back(std::abs(value - median));
+  std::vector<float> deviations;
+  for (const double value : values) {
+    deviations.push_back(static_cast<float>(std::abs(value - median)));
+  }
   const double near = std::max(kNear, kNearDeviations * kNormalDeviation * MedianOf(deviations));
-  Seen seen;
-  for (const double value : values) {
-    if (std::abs(value - median) > near) continue;
-    seen.mean += value;
-    ++seen.count;
-  }
-  seen.mean /= seen.count;
-  for (const double value : values) {
-    if (std::abs(value - median) <= near) seen.squares += (value - seen.mean) * (value - seen.mean);
-  }
-  seen.known = seen.count >= Reference::kFewestUncovered &&
-               seen.count >= kReferenceWithRobotEnough * static_cast<double>(values.size());
-  return seen;
+  std::erase_if(values, [&](double value) { return std::abs(value - median) > near; });
+  const auto count = static_cast<double>(values.size());
+  if (count < enough) return {};
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
+  double squares = 0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return {.mean = static_cast<float>(mean),
+          .squares = static_cast<float>(squares),
+          .count = static_cast<int>(values.size())};
 }
 
 void Check(std::span<const cv::Mat> images, std::span<const cv::Mat> covered) {
@@ -295,8 +295,11 @@ Reference Reference::FromImagesWithRobot(std::span<const cv::Mat> images,
   const cv::Size size = images[0].size();
   const int channels = images[0].channels();
   std::vector<Seen> seen;
-  std::vector<double> variances;
-  std::vector<double> values;
+  std::vector<float> variances;
+  std::vector<float> values;
+  // Growing, they would take three times as much.
+  seen.reserve(images[0].total() * static_cast<size_t>(channels));
+  variances.reserve(seen.capacity());
   for (int y = 0; y < size.height; ++y) {
     for (int i = 0; i < size.width * channels; ++i) {
       values.clear();
@@ -304,8 +307,9 @@ Reference Reference::FromImagesWithRobot(std::span<const cv::Mat> images,
         if (!covered[k].empty() && covered[k].ptr<uint8_t>(y)[i / channels] != 0) continue;
         values.push_back(images[k].ptr<uint8_t>(y)[i]);
       }
-      seen.push_back(SeenOf(values));
-      if (seen.back().known) variances.push_back(seen.back().squares / (seen.back().count - 1));
+      const Seen value = SeenOf(values);
+      seen.push_back(value);
+      if (value.count > 0) variances.push_back(value.squares / static_cast<float>(value.count - 1));
     }
   }
   const double typical = variances.empty() ? 1 : MedianOf(variances);
@@ -317,7 +321,8 @@ Reference Reference::FromImagesWithRobot(std::span<const cv::Mat> images,
           (static_cast<size_t>(y) * static_cast<size_t>(size.width) + static_cast<size_t>(x)) *
           static_cast<size_t>(channels);
       const std::span pixel(&seen[first], static_cast<size_t>(channels));
-      if (!std::all_of(pixel.begin(), pixel.end(), [](const Seen& value) { return value.known; })) {
+      if (!std::all_of(pixel.begin(), pixel.end(),
+                       [](const Seen& value) { return value.count > 0; })) {
         continue;
       }
       for (int c = 0; c < channels; ++c) {

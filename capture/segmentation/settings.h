@@ -30,8 +30,9 @@ struct SegmentationSettings {
   // Whether a change of the whole image's brightness is taken out first.
   bool follow_brightness = true;
   // Radius, in camera pixels, of the opening that removes specks and of the closing that fills
-  // pinholes; 0: none.
+  // pinholes; 0: none; at most kMostCleanUpRadius.
   int clean_up_radius = 1;
+  static constexpr int kMostCleanUpRadius = 15;
   // In robot images the opening takes away nothing that joins what it leaves: fingers of a gripper.
   bool keep_thin_parts = true;
   // Foreground areas of fewer camera pixels are dropped.

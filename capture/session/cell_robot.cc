@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "capture/devices/joint_deviation.h"
+#include "capture/devices/state_since.h"
 #include "db/status/status_macros.h"
 
 namespace silhouette {
@@ -58,8 +59,8 @@ absl::Status CellRobot::MoveTo(const Configuration& configuration) {
   return robot_->MoveTo(positions);
 }
 
-absl::StatusOr<std::vector<double>> CellRobot::Measure() {
-  ASSIGN_OR_RETURN(RobotState state, robot_->State());
+absl::StatusOr<std::vector<double>> CellRobot::Measure(absl::Duration since) {
+  ASSIGN_OR_RETURN(RobotState state, StateSince(*robot_, since));
   if (state.moving) return absl::AbortedError("the robot moves when it should stand still");
   std::vector<double> values;
   for (const size_t place : place_) values.push_back(state.positions[place]);

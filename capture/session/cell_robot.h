@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "capture/devices/devices.h"
 #include "db/mask/configuration_grid.h"
 #include "silhouette/storage/v1/storage.pb.h"
@@ -28,8 +29,9 @@ class CellRobot {
   // Moves there; errors are those of Robot::MoveTo.
   absl::Status MoveTo(const Configuration& configuration);
 
-  // Where all joints are. Aborted if the robot moves.
-  absl::StatusOr<std::vector<double>> Measure();
+  // Where all joints are, measured at `since` (running clock) or later; otherwise as the robot
+  // reported last. Aborted if the robot moves.
+  absl::StatusOr<std::vector<double>> Measure(absl::Duration since = -absl::InfiniteDuration());
 
   // Of the joint that deviates most: "the joint 'wrist' is at 0.31 instead of 0.25".
   std::string WhichDeviates(const std::vector<double>& commanded,

@@ -24,8 +24,8 @@ std::string NameOf(ConfigurationNumber number) { return absl::StrCat("configurat
 
 }  // namespace
 
-absl::StatusOr<std::vector<double>> Visitor::Measure() {
-  absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure();
+absl::StatusOr<std::vector<double>> Visitor::Measure(absl::Duration since) {
+  absl::StatusOr<std::vector<double>> measured = parts_.robot.Measure(since);
   robot_lost_ = absl::IsUnavailable(measured.status());
   return measured;
 }
@@ -108,7 +108,7 @@ absl::StatusOr<Visit> Visitor::Look(const Configuration& place, const std::strin
   }
   if (!images.ok()) return images.status();
   visit.images = *std::move(images);
-  ASSIGN_OR_RETURN(const std::vector<double> after, Measure());
+  ASSIGN_OR_RETURN(const std::vector<double> after, Measure(RunningNow()));
   const double moved = parts_.robot.Deviation(visit.measured, after);
   if (moved > tolerance) {
     return absl::AbortedError(

@@ -83,8 +83,8 @@ class Visitor {
   bool robot_lost() const { return robot_lost_; }
 
  private:
-  // Where the robot's joints are. It and MoveTo() notice that the robot is lost.
-  absl::StatusOr<std::vector<double>> Measure();
+  // CellRobot::Measure(). It and MoveTo() notice that the robot is lost.
+  absl::StatusOr<std::vector<double>> Measure(absl::Duration since = -absl::InfiniteDuration());
   absl::Status MoveTo(const Configuration& place);
   // Until measurements and images say that the robot has settled, or for settle_timeout.
   absl::StatusOr<Visit> TakeImages(const Configuration& place, const std::string& name);

@@ -181,6 +181,12 @@ absl::Status Connection::RequireSameCell(const Cell& cell) const {
 
 // Most of gRPC's status codes are absl's, with the same numbers.
 absl::Status Connection::SentenceFor(const grpc::Status& status, absl::Duration timeout) const {
+  const bool no_deadline = timeout == absl::InfiniteDuration();
+  if (status.error_code() == grpc::StatusCode::CANCELLED ||
+      (no_deadline && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED)) {
+    return absl::UnavailableError(absl::StrCat(
+        "the server at ", address_, ", or a proxy on the way, ended the call; call again"));
+  }
   switch (status.error_code()) {
     case grpc::StatusCode::OK:
       return absl::OkStatus();

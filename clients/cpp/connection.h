@@ -119,7 +119,8 @@ class Connection {
     return RequireSameCell({.name = answer.cell_name(), .digest = answer.cell_digest()});
   }
 
-  // The end of a call, in one sentence. `timeout`: the call's.
+  // The end of a call, in one sentence; never Cancelled. `timeout`: the call's; infinite: it has no
+  // deadline, and never ends as DeadlineExceeded either.
   absl::Status SentenceFor(const grpc::Status& status, absl::Duration timeout) const;
 
   // One unary call; `context` may be cancelled from another thread.
@@ -147,7 +148,7 @@ class Connection {
   }
 
   // Reads the stream of `context` to its end; an error of `take(message)` ends it. Returns this
-  // error, or how the server ended the call.
+  // error, or how the server ended the call. `timeout`: as of SentenceFor.
   template <typename Message, typename Stream, typename Take>
   absl::Status ReadAll(Stream& stream, grpc::ClientContext& context, absl::Duration timeout,
                        const Take& take) const {

@@ -16,10 +16,7 @@
 namespace silhouette::client {
 namespace {
 
-// The server's bounds of CheckPathRequest.path_resolution, metres, and of the checks that a path
-// takes.
-constexpr double kLeastResolution = 0.0005;
-constexpr double kMostResolution = 0.1;
+// The server's bound of the checks that a path takes.
 constexpr int64_t kMostChecks = 1'000'000;
 
 }  // namespace
@@ -94,9 +91,6 @@ Verdict DrawnSpace::Check(std::span<const double> q, const SpaceMap& map) const 
 
 MotionVerdict DrawnSpace::CheckMotion(std::span<const double> from, std::span<const double> to,
                                       double path_resolution) const {
-  if (!(path_resolution >= kLeastResolution && path_resolution <= kMostResolution)) {
-    throw std::invalid_argument("path_resolution must be 0.0005 to 0.1 m");
-  }
   MotionVerdict result;
   // Whether it is free, which is so of the whole stretch between two places.
   const auto note = [&](const MotionPlace& place, std::span<const double> first,

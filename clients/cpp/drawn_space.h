@@ -43,7 +43,7 @@ class DrawnSpace {
   // Without evidence, hidden_possible and regions. `map`: of the same scene: where a node of the
   // arm (GridJoint::any) is free, so are all joint values whose nearest node it is.
   Verdict Check(std::span<const double> q, const SpaceMap& map) const;
-  // As SpaceSnapshot::CheckMotion.
+  // As SpaceSnapshot::CheckMotion, which bounds `path_resolution`.
   MotionVerdict CheckMotion(std::span<const double> from, std::span<const double> to,
                             double path_resolution) const;
 

@@ -154,7 +154,7 @@ class LocalSpace::Impl {
     ServerClock clock(connection_, timeout_, cancellation_);
     std::optional<OffGridRule> rule;
     const absl::Status ended = connection_->ReadAll<v1::WatchConfigurationSpaceResponse>(
-        *reader, context, timeout_,
+        *reader, context, absl::InfiniteDuration(),
         [&](const auto& part) { return Take(part, assembly, clock, rule, reason); });
     if (reason == Reason::kConnectionLost) reason = ReasonOfEnd(ended);
     if (!ended.ok()) return ended;

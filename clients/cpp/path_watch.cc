@@ -105,7 +105,8 @@ class PathWatch::Impl {
     const auto reader = connection_->collisions().WatchPath(&context, request_);
     ServerClock clock(connection_, timeout_, cancellation_);
     const absl::Status ended = connection_->ReadAll<v1::WatchPathResponse>(
-        *reader, context, timeout_, [&](const auto& response) { return Take(response, clock); });
+        *reader, context, absl::InfiniteDuration(),
+        [&](const auto& response) { return Take(response, clock); });
     if (!ended.ok()) return ended;
     return absl::UnavailableError(
         absl::StrCat("the server at ", connection_->address(), " ended the watch"));

@@ -75,7 +75,7 @@ class SceneWatch::Impl {
     const Cancellation::Call call(cancellation_, context);
     const auto reader = connection_->scenes().WatchScenes(&context, request_);
     const absl::Status ended = connection_->ReadAll<v1::WatchScenesResponse>(
-        *reader, context, timeout_, [&](const v1::WatchScenesResponse& news) {
+        *reader, context, absl::InfiniteDuration(), [&](const v1::WatchScenesResponse& news) {
           std::unique_lock lock(mutex_);
           changed_.wait(lock, [this] { return news_.size() < kMostWaitingNews || cancelled_; });
           news_.push_back(news);

@@ -2,6 +2,7 @@
 #include "clients/cpp/space_snapshot.h"
 
 #include <algorithm>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,14 @@
 namespace silhouette::client {
 
 using Clock = RunningClock;
+
+namespace {
+
+// The server's bounds of CheckPathRequest.path_resolution, metres.
+constexpr double kLeastResolution = 0.0005;
+constexpr double kMostResolution = 0.1;
+
+}  // namespace
 
 Validity ValidityOf(const Basis& basis, absl::Duration max_age) {
   const Clock::time_point too_old =
@@ -80,6 +89,9 @@ Verdict SpaceSnapshot::Check(std::span<const double> q) const {
 
 MotionVerdict SpaceSnapshot::CheckMotion(std::span<const double> from, std::span<const double> to,
                                          double path_resolution) const {
+  if (!(path_resolution >= kLeastResolution && path_resolution <= kMostResolution)) {
+    throw std::invalid_argument("path_resolution must be 0.0005 to 0.1 m");
+  }
   MotionVerdict motion;
   if (content_->drawn != nullptr) {
     motion = content_->drawn->CheckMotion(from, to, path_resolution);

@@ -107,10 +107,7 @@ Words WordsFor(Reason reason) {
           "the map has no verdict for the configuration, because a usable robot image or a view is "
           "missing: ask the server for the reason"};
     case Reason::kBetweenGridPoints:
-      return {
-          "between grid points",
-          "the corners of its grid cell are free, but the map does not confirm the space between "
-          "them: ask the server"};
+      return {"between grid points", "the grid points around it do not decide: ask the server"};
     case Reason::kNoUpdate:
       return {"no update", "the server has sent nothing yet: wait for the first update"};
     case Reason::kConnectionLost:

@@ -64,8 +64,9 @@ void JointStateSpace::SetState(std::span<const double> q, ob::State* state) cons
   auto* compound = state->as<ob::CompoundState>();
   for (size_t j = 0; j < joints_.size(); ++j) {
     if (joints_[j].continuous) {
-      compound->as<ob::SO2StateSpace::StateType>(j)->value =
-          std::remainder(q[j], 2 * std::numbers::pi);
+      auto* turn = compound->as<ob::SO2StateSpace::StateType>(j);
+      turn->value = q[j];
+      getSubspace(j)->enforceBounds(turn);
     } else {
       compound->as<ob::RealVectorStateSpace::StateType>(j)->values[0] = q[j];
     }

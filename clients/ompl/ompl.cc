@@ -121,6 +121,8 @@ ob::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot
   if (snapshot == nullptr || snapshot->grid() == nullptr) {
     throw std::invalid_argument("the snapshot has no grid: wait for an update (WaitForUpdate)");
   }
+  const Configuration any(snapshot->grid()->joints().size());
+  snapshot->CheckMotion(any, any, options.path_resolution);  // throws if the resolution cannot be
   auto si = std::make_shared<ob::SpaceInformation>(
       std::make_shared<JointStateSpace>(snapshot->grid()->joints()));
   si->setStateValidityChecker(std::make_shared<SnapshotValidity>(si, snapshot, options.ask));

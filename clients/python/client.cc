@@ -200,7 +200,8 @@ void BindWatch(py::module_& module) {
       });
   py::class_<PathWatch>(module, "PathWatch",
                         "A path, watched: iterate over it for a new verdict with every scene, and "
-                        "for the last one once more, false, if it expires. A context manager.")
+                        "for the last one once more, false, if it expires. Only cancel() ends the "
+                        "iteration; a lost watch raises, as next does. A context manager.")
       .def("__enter__", [](py::object self) { return self; })
       .def("__exit__", [](PathWatch& at, const py::args&) { at.Cancel(); })
       .def("__iter__", [](py::object self) { return self; })
@@ -402,8 +403,8 @@ void BindClient(py::module_& module) {
            py::arg("variant") = "", py::arg("tls_ca") = "", py::arg("tls_certificate") = "",
            py::arg("tls_key") = "",
            "Connects with the first call, and again after a lost connection.\n\n"
-           "address: \"host:port\" or \"unix:path\".\ntimeout: seconds, for each call; Ctrl-C "
-           "does not end one earlier.\n"
+           "address: \"host:port\" or \"unix:path\".\ntimeout: seconds, of each round trip: "
+           "most calls take one, publish_scene up to six; Ctrl-C ends none earlier.\n"
            "variant: of the robot, which checks use; empty: the scene's.\n"
            "tls_ca, tls_certificate, tls_key: PEM files of an encrypted connection, all or none.")
       .def_property_readonly("address", &Client::address)

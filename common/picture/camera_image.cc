@@ -5,22 +5,13 @@
 
 #include <algorithm>
 #include <array>
-#include <csetjmp>
 #include <cstdint>
-#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/picture/image_file.h"
 
-// After <cstdio>, which they need.
-#include <jerror.h>
-#include <jpeglib.h>
-
 namespace silhouette {
 namespace {
-
-// No camera has more; a few bytes may say that they are as many.
-constexpr double kMostPixels = 1e8;
 
 // With their lengths, as they contain zeros.
 constexpr std::string_view kPngStart("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR", 16);
@@ -89,12 +80,6 @@ bool HasNoMoreThanItsRows(std::string_view png) {
   return whole;
 }
 
-std::optional<cv::Mat> DecodePngImage(std::string_view bytes) {
-  if (!HasNoMoreThanItsRows(bytes)) return std::nullopt;
-  cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-  return image.empty() ? std::nullopt : std::optional(image);
-}
-
 // JPEG.
 
 // Whether a marker starts a frame: SOF0 to SOF15 without DHT, JPG and DAC.
@@ -122,52 +107,6 @@ std::optional<cv::Size> JpegSize(std::string_view bytes) {
   return std::nullopt;
 }
 
-struct JpegErrors : jpeg_error_mgr {
-  std::jmp_buf back;
-  bool incomplete = false;
-};
-
-[[noreturn]] void EndJpeg(j_common_ptr jpeg) {
-  std::longjmp(static_cast<JpegErrors*>(jpeg->err)->back, 1);
-}
-
-// libjpeg warns of what it makes up for. Bytes after the last pixel, which some cameras send, are
-// harmless.
-void NoteJpegWarning(j_common_ptr jpeg, int level) {
-  if (level < 0 && jpeg->err->msg_code != JWRN_EXTRANEOUS_DATA) {
-    static_cast<JpegErrors*>(jpeg->err)->incomplete = true;
-  }
-}
-
-// Into `image`, which has the size that the file says. OpenCV takes an image that stops in its
-// middle, without a word.
-bool ReadJpeg(std::string_view bytes, cv::Size size, cv::Mat& image) {
-  JpegErrors errors;
-  jpeg_decompress_struct jpeg{};
-  jpeg.err = jpeg_std_error(&errors);
-  errors.error_exit = EndJpeg;
-  errors.emit_message = NoteJpegWarning;
-  if (setjmp(errors.back) != 0) {
-    jpeg_destroy_decompress(&jpeg);
-    return false;
-  }
-  jpeg_create_decompress(&jpeg);
-  jpeg_mem_src(&jpeg, reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size());
-  jpeg_read_header(&jpeg, TRUE);
-  if (cv::Size2d(jpeg.image_width, jpeg.image_height) != cv::Size2d(size))
-    EndJpeg(reinterpret_cast<j_common_ptr>(&jpeg));
-  const bool grey = jpeg.num_components == 1;
-  jpeg.out_color_space = grey ? JCS_GRAYSCALE : JCS_EXT_BGR;
-  jpeg_start_decompress(&jpeg);
-  image.create(size, grey ? CV_8UC1 : CV_8UC3);
-  while (jpeg.output_scanline < jpeg.output_height && !errors.incomplete) {
-    JSAMPROW row = image.ptr(static_cast<int>(jpeg.output_scanline));
-    jpeg_read_scanlines(&jpeg, &row, 1);
-  }
-  jpeg_destroy_decompress(&jpeg);
-  return !errors.incomplete;
-}
-
 }  // namespace
 
 std::optional<cv::Size> SizeOfCameraImage(std::string_view bytes) {
@@ -178,14 +117,10 @@ std::optional<cv::Size> SizeOfCameraImage(std::string_view bytes) {
 
 std::optional<cv::Mat> DecodeCameraImage(std::string_view bytes) {
   const std::optional<cv::Size> size = SizeOfCameraImage(bytes);
-  if (!size || size->empty() || cv::Size2d(*size).area() > kMostPixels) return std::nullopt;
-  std::optional<cv::Mat> image;
-  if (bytes.starts_with(kPngStart)) {
-    image = DecodePngImage(bytes);
-  } else if (cv::Mat pixels; ReadJpeg(bytes, *size, pixels)) {
-    image = pixels;
-  }
-  return image && image->size() == *size ? image : std::nullopt;
+  if (!size || size->empty() || cv::Size2d(*size).area() > kMostImagePixels) return std::nullopt;
+  if (bytes.starts_with(kPngStart) && !HasNoMoreThanItsRows(bytes)) return std::nullopt;
+  cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR);
+  return image.size() == *size ? std::optional(image) : std::nullopt;
 }
 
 }  // namespace silhouette

@@ -12,10 +12,8 @@ namespace silhouette {
 // one of these, or stop before its end.
 std::optional<cv::Size> SizeOfCameraImage(std::string_view bytes);
 
-// Its pixels as the sensor saw them, whatever the file says of how the camera was held: 8 bits,
-// grey or blue, green, red. Nothing if they are not just those of an image of that size. Decoders
-// fill in pixels that are missing, and what they fill in may look like the empty cell. A JPEG image
-// in which bits are flipped may pass: it has no checksum. Of 16 bits the upper 8 (CheckUsedBits).
+// Its pixels as ImageOfBytes() reads them: 8 bits, grey or blue, green, red. Nothing if they are
+// not just those of an image of that size. Of 16 bits the upper 8 (CheckUsedBits).
 std::optional<cv::Mat> DecodeCameraImage(std::string_view bytes);
 
 }  // namespace silhouette

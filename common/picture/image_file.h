@@ -10,8 +10,13 @@
 
 namespace silhouette {
 
-// The image in the bytes of a file; `flags`: as of cv::imread. Empty: they are no image, or a PNG
-// file that is cut off or damaged, of which the decoder would write to stderr.
+// No camera has more; a few bytes may say that they are as many.
+inline constexpr double kMostImagePixels = 1e8;
+
+// The image in the bytes of a file as the sensor saw it, whatever the file says of how the camera
+// was held; `flags`: as of cv::imread. Empty: they are no image, or a PNG or JPEG file that is cut
+// off or damaged. Decoders fill in pixels that are missing, and what they fill in may look like the
+// empty cell. A JPEG file in which bits are flipped may pass: it has no checksum.
 cv::Mat ImageOfBytes(std::string_view bytes, int flags);
 
 // Whether `image`, which was read from `bytes` in 8 bits, shows what they do. InvalidArgument,

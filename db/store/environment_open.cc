@@ -6,13 +6,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <condition_variable>
-#include <map>
+#include <list>
 #include <mutex>
 #include <optional>
-#include <system_error>
-#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -26,13 +25,20 @@ namespace {
 constexpr size_t kFirstMapBytes = size_t{64} << 20;
 constexpr off_t kLockFileBytes = 8192;
 
-// The environments that are open in this process, by their data file. The process is part of the
-// key because a forked child must not use its parent's.
-using FileId = std::tuple<pid_t, dev_t, ino_t>;
+using FileId = std::pair<dev_t, ino_t>;
+
+// An environment that is open in a process. A forked child must not use its parent's.
+struct OpenEnvironment {
+  pid_t process = getpid();
+  std::optional<FileId> data;
+  std::optional<FileId> lock;  // nothing: it does not register its readers
+  std::weak_ptr<Environment> environment;
+};
+
 struct Registry {
   std::mutex mutex;
   std::condition_variable closed;
-  std::map<FileId, std::weak_ptr<Environment>> open;
+  std::list<OpenEnvironment> open;
 };
 
 Registry& TheRegistry() {
@@ -47,19 +53,67 @@ std::string EnvironmentOpenLockPath(const std::string& folder) {
 
 bool IsPermission(int code) { return code == EACCES || code == EROFS || code == EPERM; }
 
-FileId IdOf(const struct stat& file) { return {getpid(), file.st_dev, file.st_ino}; }
+FileId IdOf(const struct stat& file) { return {file.st_dev, file.st_ino}; }
+
+// Never opens the lock file: to close it would end the locks that this process has on it.
+std::optional<FileId> IdOfLockFile(const std::string& folder) {
+  struct stat file {};
+  if (stat(EnvironmentOpenLockPath(folder).c_str(), &file) != 0) return std::nullopt;
+  return IdOf(file);
+}
+
+OpenEnvironment FilesOf(const Environment& environment) {
+  OpenEnvironment files;
+  mdb_filehandle_t data = -1;
+  struct stat file {};
+  if (mdb_env_get_fd(environment.get(), &data) == 0 && fstat(data, &file) == 0) {
+    files.data = IdOf(file);
+  }
+  unsigned flags = 0;
+  mdb_env_get_flags(environment.get(), &flags);
+  if ((flags & MDB_NOLOCK) == 0) files.lock = IdOfLockFile(environment.folder());
+  return files;
+}
 
 // Adds an opened environment; the registry's mutex is held.
-std::shared_ptr<Environment> Register(std::unique_ptr<Environment> environment, const FileId& id) {
-  std::shared_ptr<Environment> shared(environment.release(), [id](Environment* closing) {
+std::shared_ptr<Environment> Register(std::unique_ptr<Environment> environment) {
+  std::list<OpenEnvironment>& all = TheRegistry().open;
+  const auto entry = all.insert(all.end(), FilesOf(*environment));
+  std::shared_ptr<Environment> shared(environment.release(), [entry](Environment* closing) {
     delete closing;
     Registry& registry = TheRegistry();
     const std::lock_guard lock(registry.mutex);
-    registry.open.erase(id);
+    registry.open.erase(entry);
     registry.closed.notify_all();
   });
-  TheRegistry().open[id] = shared;
+  entry->environment = shared;
   return shared;
+}
+
+// The environment that this process has open of the data file `data` in `folder`; null: none, and
+// `lock`, of the registry's mutex, is still held. Two environments on one lock file would clear
+// each other's readers there, and writers would overwrite what those read.
+absl::StatusOr<std::shared_ptr<Environment>> FindOpen(const std::string& folder, const FileId& data,
+                                                      std::unique_lock<std::mutex>& lock) {
+  Registry& registry = TheRegistry();
+  for (;;) {
+    const std::optional<FileId> lock_file = IdOfLockFile(folder);
+    const auto found = std::ranges::find_if(registry.open, [&](const OpenEnvironment& one) {
+      return one.process == getpid() && (one.data == data || (one.lock && one.lock == lock_file));
+    });
+    if (found == registry.open.end()) return nullptr;
+    if (const std::shared_ptr<Environment> shared = found->environment.lock()) {
+      const bool same_data = found->data == data;
+      const bool same_lock = !found->lock || found->lock == lock_file;
+      lock.unlock();  // the last of it may go here, and is taken out under the lock
+      if (same_data && same_lock) return shared;
+      return absl::FailedPreconditionError(absl::StrCat(
+          "'", same_data ? EnvironmentOpenLockPath(folder) : DataPath(folder),
+          "' is no longer the file that this program has open; replace the whole folder instead "
+          "of a file in it, or start the program again"));
+    }
+    registry.closed.wait(lock);
+  }
 }
 
 // Checks the head of a data file before LMDB, which trusts it, opens the file.
@@ -83,9 +137,7 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Create(const std::stri
     ASSIGN_OR_RETURN(environment->robot_images_, transaction.MakeSubDatabase(schema::kRobotImages));
     return fill(transaction);
   }));
-  struct stat file {};
-  if (stat(DataPath(folder).c_str(), &file) != 0) return environment->ReadError(errno);
-  return Register(std::move(environment), IdOf(file));
+  return Register(std::move(environment));
 }
 
 absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string& folder) {
@@ -102,25 +154,19 @@ absl::StatusOr<std::shared_ptr<Environment>> Environment::Open(const std::string
                                             "' is empty, as if making it was interrupted; if "
                                             "it held data, restore it from a copy"));
   }
-  Registry& registry = TheRegistry();
-  std::unique_lock lock(registry.mutex);
-  for (;;) {
-    const auto found = registry.open.find(IdOf(file));
-    if (found == registry.open.end()) break;
-    if (std::shared_ptr<Environment> shared = found->second.lock()) {
-      lock.unlock();  // the last of it may go here, and is taken out under the lock
-      RETURN_IF_ERROR(CheckHead(data));
-      RETURN_IF_ERROR(shared->CheckState());
-      return shared;
-    }
-    registry.closed.wait(lock);
+  std::unique_lock lock(TheRegistry().mutex);
+  ASSIGN_OR_RETURN(const std::shared_ptr<Environment> shared, FindOpen(folder, IdOf(file), lock));
+  if (shared != nullptr) {
+    RETURN_IF_ERROR(CheckHead(data));
+    RETURN_IF_ERROR(shared->CheckState());
+    return shared;
   }
   RETURN_IF_ERROR(CheckHead(data));
   std::unique_ptr<Environment> environment(new Environment(folder));
   RETURN_IF_ERROR(environment->OpenFiles(false));
   RETURN_IF_ERROR(environment->CheckState());
   RETURN_IF_ERROR(environment->OpenSubDatabases());
-  return Register(std::move(environment), IdOf(file));
+  return Register(std::move(environment));
 }
 
 absl::Status Environment::OpenFiles(bool create) {
@@ -154,9 +200,9 @@ absl::StatusOr<unsigned> Environment::ChooseFlags() {
     return flags | MDB_RDONLY | MDB_NOLOCK;
   }
   // LMDB writes into the lock file through a map, which on a full disk would end the process.
-  const bool full = fallocate(lock, 0, 0, kLockFileBytes) != 0 && errno == ENOSPC;
+  const int error = fallocate(lock, 0, 0, kLockFileBytes) == 0 ? 0 : errno;
   close(lock);
-  if (full) return ReadError(ENOSPC);
+  if (error == ENOSPC || error == EDQUOT) return ReadError(error);
   return flags;
 }
 

@@ -193,9 +193,10 @@ class Database {
                                                           const storage::v1::CellDescription& cell);
 
   // Opens an existing one. NotFound: there is none. FailedPrecondition: not a Silhouette database,
-  // another format version, no permission, or (kWrite) another process is writing. DataLoss: the
-  // file is truncated or damaged. Read access works in a read-only folder. Looks at every page of
-  // the trees: about a quarter of a second per million records.
+  // another format version, no permission, a file of it was replaced while this process has it
+  // open, or (kWrite) another process is writing. DataLoss: the file is truncated or damaged. Read
+  // access works in a read-only folder. Looks at every page of the trees: about a quarter of a
+  // second per million records.
   static absl::StatusOr<std::unique_ptr<Database>> Open(const std::string& path, Access access);
 
   ~Database();

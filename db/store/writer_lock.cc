@@ -59,7 +59,13 @@ absl::StatusOr<WriterLock> WriterLock::Take(const std::string& folder) {
 
 absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder, const std::string& mend) {
   const int file = open(WriterLockLockPath(folder).c_str(), O_RDONLY | O_CLOEXEC);
-  if (file < 0 && errno == ENOENT) return -1;
+  if (file < 0 && errno == ENOENT) {
+    return absl::FailedPreconditionError(absl::StrCat(
+        "database '", folder, "' has no '", schema::kWriterFile,
+        "', and without permission to write '", schema::kLockFile,
+        "' nothing else keeps writers out; make an empty file of that name there, or copy the "
+        "folder to where this program may write"));
+  }
   if (file < 0)
     return LmdbError(errno, absl::StrCat("'", WriterLockLockPath(folder), "' cannot be read"));
   if (flock(file, LOCK_SH | LOCK_NB) != 0) {
@@ -75,9 +81,7 @@ bool ReadersKeepWritersOut(const std::string& folder) {
   const std::string readers = folder + "/" + schema::kLockFile;
   const bool there = faccessat(AT_FDCWD, readers.c_str(), F_OK, AT_EACCESS) == 0;
   const std::string& needed = there ? readers : folder;
-  if (faccessat(AT_FDCWD, needed.c_str(), R_OK | W_OK, AT_EACCESS) == 0) return false;
-  // A database that was never written has no lock file.
-  return faccessat(AT_FDCWD, WriterLockLockPath(folder).c_str(), F_OK, AT_EACCESS) == 0;
+  return faccessat(AT_FDCWD, needed.c_str(), R_OK | W_OK, AT_EACCESS) != 0;
 }
 
 WriterLock::WriterLock(WriterLock&& other) noexcept : file_(std::exchange(other.file_, -1)) {}

@@ -15,9 +15,8 @@ class WriterLock {
   // ResourceExhausted if the disk is full.
   static absl::StatusOr<WriterLock> Take(const std::string& folder);
 
-  // For a reader: keeps every writer out while the returned file is open (-1: there is no lock
-  // file, so the database was never written). FailedPrecondition if a process is writing; `mend`
-  // ends that message.
+  // For a reader: keeps every writer out while the returned file is open. FailedPrecondition if a
+  // process is writing, `mend` ends that message; or if there is no schema::kWriterFile.
   static absl::StatusOr<int> KeepWritersOut(const std::string& folder, const std::string& mend);
 
   WriterLock(WriterLock&& other) noexcept;

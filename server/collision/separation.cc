@@ -92,8 +92,11 @@ void SeparationMeter::FindMoving(std::span<const Configuration> waypoints) {
   }
   moves_.assign(robot_.parts().size(), false);
   for (size_t part = 0; part < moves_.size(); ++part) {
+    // One that is round about its joint looks the same; what it was grown by, a cable or a payload,
+    // goes round.
+    const size_t link = robot_.parts()[part].link;
     for (size_t joint = 0; joint < joints; ++joint) {
-      if (changes[joint] && robot_.Lever(part, joint) > 0) moves_[part] = true;
+      if (changes[joint] && robot_.chain().LeverOf(joint, link, 1) > 0) moves_[part] = true;
     }
   }
 }

@@ -300,13 +300,17 @@ function drawMap(shown, known) {
   const context = scaled(canvas, wide, high + MARGIN.top + MARGIN.bottom);
   context.save();
   context.translate(MARGIN.left, MARGIN.top);
-  const pixels = new ImageData(jx.steps, rows);
-  for (let i = 0; i < jx.steps * rows; ++i) {
-    const [column, row] = [i % jx.steps, Math.floor(i / jx.steps)];
-    const letter = known && space.cells ? space.cells[i] : "u";
-    pixels.data.set([...CELLS[letter], 255], 4 * ((rows - 1 - row) * jx.steps + column));
+  if (known && space.cells) {
+    const pixels = new ImageData(jx.steps, rows);
+    for (let i = 0; i < jx.steps * rows; ++i) {
+      const [column, row] = [i % jx.steps, Math.floor(i / jx.steps)];
+      pixels.data.set([...CELLS[space.cells[i]], 255], 4 * ((rows - 1 - row) * jx.steps + column));
+    }
+    stretch(context, pixels, 0, 0, inner, high);
+  } else {   // the server sends no cells of a slice with very many
+    context.fillStyle = rgb(CELLS.u);
+    context.fillRect(0, 0, inner, high);
   }
-  stretch(context, pixels, 0, 0, inner, high);
   context.strokeStyle = "#555";
   context.lineWidth = 1;
   context.strokeRect(0, 0, inner, high);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Doubts.
+#include <algorithm>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -91,6 +93,76 @@ void DoubtSources(const Cell& cell, std::vector<std::string>& doubts) {
   }
 }
 
+// Of a limit in camera pixels that is above its default, and above what `most` says of a view.
+void DoubtSize(const Cell& cell, int SegmentationSettings::*limit,
+               const std::function<double(const ViewSettings&)>& most, const std::string& effect,
+               std::vector<std::string>& doubts) {
+  const double value = cell.segmentation.*limit;
+  std::vector<std::string> views;
+  double right = value;
+  for (const ViewSettings& view : cell.views) {
+    const double largest = std::max<double>(SegmentationSettings{}.*limit, most(view));
+    if (value <= largest) continue;
+    views.push_back(view.name);
+    right = std::min(right, largest);
+  }
+  if (views.empty()) return;
+  doubts.push_back(absl::StrCat("segmentation: ", effect, ": in ", Called(views),
+                                " hands or whole people are missed; state ",
+                                static_cast<int>(right), " or less"));
+}
+
+// Of clean-ups that take away hands. One covers more than three mask pixels, and is two of them
+// wide.
+void DoubtCleanUp(const Cell& cell, std::vector<std::string>& doubts) {
+  const auto width = [](const ViewSettings& view) {
+    return static_cast<double>(view.image_width) / view.mask_size.width;
+  };
+  const auto height = [](const ViewSettings& view) {
+    return static_cast<double>(view.image_height) / view.mask_size.height;
+  };
+  const int area = cell.segmentation.min_blob_pixels;
+  DoubtSize(
+      cell, &SegmentationSettings::min_blob_pixels,
+      [&](const ViewSettings& view) { return 3 * width(view) * height(view); },
+      absl::StrCat("min_blob_pixels: ", area, " drops areas of fewer camera pixels"), doubts);
+  const int radius = cell.segmentation.clean_up_radius;
+  DoubtSize(
+      cell, &SegmentationSettings::clean_up_radius,
+      [&](const ViewSettings& view) { return std::min(width(view), height(view)) - 0.5; },
+      absl::StrCat("clean_up_radius: ", radius, " removes what is thinner than ", 2 * radius + 1,
+                   " camera pixels"),
+      doubts);
+}
+
+// Of masks that miss what covers little, or differs little from the cell.
+void DoubtLimits(const SegmentationSettings& settings, std::vector<std::string>& doubts) {
+  constexpr double kSeveral = 3;  // times the default
+  constexpr double kMostNoise = kSeveral * SegmentationSettings{}.noise_factor;
+  constexpr double kMostDifference = kSeveral * SegmentationSettings{}.min_difference;
+  if (settings.min_cover > 0) {
+    doubts.push_back(absl::StrFormat(
+        "segmentation: min_cover: %g: what covers less of a mask pixel is missed; leave it out",
+        settings.min_cover));
+  }
+  if (settings.noise_factor > kMostNoise) {
+    doubts.push_back(absl::StrFormat(
+        "segmentation: noise_factor: %g: people who differ from the cell by less than %g times the "
+        "camera's noise are missed; state %g or less",
+        settings.noise_factor, settings.noise_factor, kMostNoise));
+  }
+  // What the single pixels do not show, the mean of those around may.
+  const double least = settings.faint_difference > 0
+                           ? std::min(settings.min_difference, settings.faint_difference)
+                           : settings.min_difference;
+  if (least > kMostDifference) {
+    doubts.push_back(absl::StrFormat(
+        "segmentation: min_difference: %g, faint_difference: %g: people who differ from the cell "
+        "by less than %g of 255 grey levels are missed; state a min_difference of %g or less",
+        settings.min_difference, settings.faint_difference, least, kMostDifference));
+  }
+}
+
 // Of limits that seem to be in millimetres.
 void DoubtSlides(const Cell& cell, std::vector<std::string>& doubts) {
   constexpr double kLongSlide = 10;  // metres
@@ -130,11 +202,8 @@ std::vector<std::string> Doubts(const Cell& cell) {
         ": these values switch checks off, and verdicts may be free though what they find is "
         "wrong (docs/live.md); leave them out, or state values nearer to the defaults"));
   }
-  if (cell.segmentation.min_cover > 0) {
-    doubts.push_back(absl::StrFormat(
-        "segmentation: min_cover: %g: what covers less of a mask pixel is missed; leave it out",
-        cell.segmentation.min_cover));
-  }
+  DoubtLimits(cell.segmentation, doubts);
+  DoubtCleanUp(cell, doubts);
   constexpr double kPerson = 0.25;
   if (cell.sound && cell.sound->least_obstacle > kPerson) {
     doubts.push_back(absl::StrFormat(

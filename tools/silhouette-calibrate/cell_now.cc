@@ -92,7 +92,7 @@ absl::StatusOr<CellNow> ReadNow(const CheckRequest& request,
     const std::string file = (fs::path(request.images) / (cell.views(i).name() + ".png")).string();
     now.written = std::min(now.written, TimeOf(file));
     now.images.push_back(ImageOfFile(file, cv::IMREAD_COLOR));
-    if (now.images.back().empty()) return NotFound("'" + file + "' is no image");
+    if (now.images.back().empty()) return NotFound("'" + file + "' is no image, or is cut off");
   }
   return now;
 }

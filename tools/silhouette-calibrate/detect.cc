@@ -11,7 +11,6 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 #include <set>
-#include <string_view>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -134,17 +133,6 @@ cv::Mat EightBits(const cv::Mat& image) {
   return scaled;
 }
 
-// Whether a JPEG file ends before its image does: no end after the first scan's start.
-bool IsCutOff(std::string_view file) {
-  if (!file.starts_with("\xff\xd8")) return false;
-  const auto byte = [&](size_t at) { return static_cast<size_t>(static_cast<uint8_t>(file[at])); };
-  size_t at = 2;
-  while (at + 4 <= file.size() && byte(at) == 0xff && byte(at + 1) != 0xda) {
-    at += byte(at + 1) == 0xff ? 1 : 2 + 256 * byte(at + 2) + byte(at + 3);
-  }
-  return at >= file.size() || file.find("\xff\xd9", at) == std::string_view::npos;
-}
-
 }  // namespace
 
 absl::StatusOr<std::vector<ViewPattern>> ViewPatterns(const std::vector<std::string>& arguments) {
@@ -246,16 +234,11 @@ absl::StatusOr<ImageTags> Look(const DetectSettings& settings, BoardDetector& de
 
 absl::StatusOr<cv::Mat> ReadImage(const std::string& path) {
   ASSIGN_OR_RETURN(const std::string file, ReadWholeFile(path));
-  if (IsCutOff(file)) {
-    return InvalidArgument("'", path,
-                           "' was cut off: its image has no end; copy it again, or remove it");
-  }
-  cv::Mat image = ImageOfBytes(
-      file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH | cv::IMREAD_IGNORE_ORIENTATION);
+  cv::Mat image = ImageOfBytes(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   if (image.empty()) {
     return InvalidArgument("'", path,
-                           "' cannot be read as an image; remove it, or mend its view's "
-                           "pattern");
+                           "' cannot be read as an image, or is cut off; copy it again, remove it, "
+                           "or mend its view's pattern");
   }
   if (image.depth() == CV_16U) return EightBits(image);
   if (image.depth() != CV_8U) {

@@ -337,7 +337,7 @@ absl::StatusOr<std::map<std::string, Picture>> ReadImages(const FundamentalArgum
         continue;
       }
       const Picture image = ImageOfFile(file, cv::IMREAD_COLOR);
-      if (image.empty()) return NotFound("'", file, "' is no image");
+      if (image.empty()) return NotFound("'", file, "' is no image, or is cut off");
       images[view.name] = image;
     }
   }

@@ -21,6 +21,8 @@
 #include "calib/poses/pose_files.h"
 #include "calib/robot/floor_check.h"
 #include "capture/devices/joint_deviation.h"
+#include "capture/devices/running_clock.h"
+#include "capture/devices/state_since.h"
 #include "capture/session/cell_cameras.h"
 #include "capture/session/travel.h"
 #include "common/picture/files.h"
@@ -134,9 +136,9 @@ class Recorder {
         cameras_(cameras),
         detector_(settings.tags.boards) {}
 
-  // Where the robot stands, in the order of the model's joints.
-  absl::StatusOr<PosePlan::Positions> Measure() {
-    ASSIGN_OR_RETURN(const RobotState state, driver_.State());
+  // Where the robot stands, in the order of the model's joints; as StateSince().
+  absl::StatusOr<PosePlan::Positions> Measure(absl::Duration since = -absl::InfiniteDuration()) {
+    ASSIGN_OR_RETURN(const RobotState state, StateSince(driver_, since));
     if (state.moving) return absl::AbortedError("the robot moves though it has arrived");
     return robot_.Positions(driver_.joints(), state.positions);
   }
@@ -161,7 +163,7 @@ class Recorder {
                                                      SessionRecord& record) {
     ASSIGN_OR_RETURN(const PosePlan::Positions positions, Measure());
     ASSIGN_OR_RETURN(const ImageSet set, GrabSet(cameras_));
-    ASSIGN_OR_RETURN(const PosePlan::Positions after, Measure());
+    ASSIGN_OR_RETURN(const PosePlan::Positions after, Measure(RunningNow()));
     const JointDeviation moved = DeviationOf(positions, after);
     if (moved.deviation > cell_.capture.joint_tolerance) {
       const RobotJoint& joint = robot_.joints()[moved.joint];

@@ -124,7 +124,7 @@ std::string RobotText(const InitOptions& options, const RobotModel& robot,
   }
   absl::StrAppend(
       &text,
-      "  # How far tool and payload reach beyond the model's last link, in metres.\n"
+      "  # How far tool and payload reach beyond the model's outermost links, in metres.\n"
       "  payload_radius: 0\n"
       "  # captured: the robot is driven through a grid. drawn: its images are drawn from the "
       "model,\n"

@@ -156,8 +156,8 @@ absl::StatusOr<std::vector<TuneImage>> FolderImagesToTune(const Database& databa
                       .empty = empty,
                       .recorded = std::nullopt};
       if (image.image.empty()) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("'", path, "' is no image that can be read: give PNG or JPEG files"));
+        return absl::InvalidArgumentError(absl::StrCat(
+            "'", path, "' is no image that can be read, or is cut off: give PNG or JPEG files"));
       }
       if (image.image.size() != image.reference->size()) {
         return absl::InvalidArgumentError(absl::StrCat(

@@ -336,9 +336,9 @@ void LogSound(const ServedDatabase& database, const Cell& cell) {
   }
   if (!sound.open_links().empty()) {
     spdlog::warn(
-        "the meshes of {} are not closed: an obstacle may be inside, so that the sound presets "
-        "may block what is near them, or all; close them, or set 'sound: {{geometry: collision}}' "
-        "if the URDF has closed collision meshes",
+        "the meshes of {} are not closed, are hollow, or have pieces that are inside out: an "
+        "obstacle may be inside, so that the sound presets may block what is near them, or all; "
+        "mend them, or set 'sound: {{geometry: collision}}' if the URDF has solid collision meshes",
         LinksNamed(sound.open_links()));
   }
   if (cell.robot.drawn) {

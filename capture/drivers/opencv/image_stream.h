@@ -8,7 +8,9 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "capture/devices/devices.h"
 
 namespace silhouette {
 
@@ -34,6 +36,14 @@ class ImageStream {
   // cannot be read.
   virtual cv::Mat Retrieve() = 0;
 };
+
+// The camera of a view whose stream sends images all the time, as OpenV4l2Camera() says. `url`: of
+// a stream from the network; empty: it is none. Errors are those of ImageStream::Open().
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenStreamCamera(const std::string& view,
+                                                               std::unique_ptr<ImageStream> stream,
+                                                               const std::string& url,
+                                                               absl::Duration latency,
+                                                               absl::Duration timeout);
 
 // Videos, read by FFmpeg. (OpenCV's own reader keeps the size with which a video begins: it repeats
 // the last image instead of larger ones, and mixes the rows of smaller ones. It does not report

@@ -106,10 +106,10 @@ absl::StatusOr<std::unique_ptr<CameraSource>> OpenFolder(const std::string& view
     }
     const std::string& file = files[at++];
     const std::string bytes = ReadWholeFile(file).value_or("");
-    // Grey stays grey, 16 bits become 8, the header's rotation is not followed.
-    cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR | cv::IMREAD_IGNORE_ORIENTATION);
-    if (image.empty())
-      return absl::InvalidArgumentError(file + " is not an image that can be read");
+    cv::Mat image = ImageOfBytes(bytes, cv::IMREAD_ANYCOLOR);  // grey stays grey, 16 bits become 8
+    if (image.empty()) {
+      return absl::InvalidArgumentError(file + " is not an image that can be read, or is cut off");
+    }
     RETURN_IF_ERROR(CheckUsedBits(file, bytes, image));
     return image;
   };

@@ -47,7 +47,7 @@ constexpr int kRoundTripsOfOpening = 4;
 
 class StreamCamera : public CameraSource {
  public:
-  // `url`: of a stream from the network; empty: it is none.
+  // As OpenStreamCamera().
   StreamCamera(const std::string& view, std::unique_ptr<ImageStream> stream, const std::string& url,
                absl::Duration latency, absl::Duration timeout)
       : views_{view}, latency_(latency), timeout_(timeout), url_(url), stream_(std::move(stream)) {}
@@ -79,6 +79,7 @@ class StreamCamera : public CameraSource {
     if (!wrong_.ok()) return wrong_;
     asked_ = RunningNow();
     image_.reset();
+    unreadable_ = false;
     return absl::OkStatus();
   }
 
@@ -89,7 +90,10 @@ class StreamCamera : public CameraSource {
     asked_.reset();
     if (!wrong_.ok()) return wrong_;
     if (!image_) {
-      return absl::DeadlineExceededError(absl::StrCat("no image within ", SpokenTime(timeout_)));
+      return absl::DeadlineExceededError(absl::StrCat(
+          "no image within ", SpokenTime(timeout_),
+          unreadable_ ? ": those that came cannot be read; set the camera to another pixel format"
+                      : ""));
     }
     EachImage images;
     images.emplace_back(*std::exchange(image_, std::nullopt));
@@ -107,7 +111,10 @@ class StreamCamera : public CameraSource {
   // Reads one image. Why the stream must be opened again; empty: it need not.
   absl::string_view Read() {
     if (!MeasureAgain()) return "its host does not answer";
-    if (!stream_->Grab()) return "its images ended";
+    const absl::Duration begin = RunningNow();
+    if (!stream_->Grab()) {
+      return RunningNow() - begin < timeout_ ? "its images ended" : "no image came in time";
+    }
     const absl::Time arrived = absl::Now();
     const absl::Duration now = RunningNow();
     if (stream_->damaged()) return now - in_time_ > timeout_ ? "its images come damaged" : "";
@@ -119,13 +126,18 @@ class StreamCamera : public CameraSource {
       return "its images come late";
     }
     const absl::Duration age = latency_ + held_up + round_trip_;
-    if (!Wanted(now - age)) return "";
-    const cv::Mat image = stream_->Retrieve();
-    if (image.empty()) return "";
-    const std::lock_guard lock(mutex_);
-    image_ = CameraImageOf(image, arrived - age);
-    changed_.notify_all();
+    if (Wanted(now - age)) HandOut(stream_->Retrieve(), now - age, arrived - age);
     return "";
+  }
+
+  // If `image` is still wanted: while it was decoded another may have been asked for.
+  void HandOut(const cv::Mat& image, absl::Duration taken, absl::Time captured) {
+    const std::lock_guard lock(mutex_);
+    if (!WantedLocked(taken)) return;
+    unreadable_ = image.empty();
+    if (unreadable_) return;
+    image_ = CameraImageOf(image, captured);
+    changed_.notify_all();
   }
 
   bool stopping() {
@@ -145,8 +157,10 @@ class StreamCamera : public CameraSource {
   // Whether an image that was taken at `taken` or later is the one that is waited for.
   bool Wanted(absl::Duration taken) {
     const std::lock_guard lock(mutex_);
-    return asked_ && !image_ && taken >= *asked_;
+    return WantedLocked(taken);
   }
+  // With mutex_ held.
+  bool WantedLocked(absl::Duration taken) const { return asked_ && !image_ && taken >= *asked_; }
 
   void Reopen(absl::string_view why) {
     Tell(absl::UnavailableError(absl::StrCat(why, "; it is being opened again")));
@@ -232,19 +246,10 @@ class StreamCamera : public CameraSource {
   absl::Status wrong_;                   // why there are no images just now
   std::optional<absl::Duration> asked_;  // since when an image is waited for
   std::optional<CameraImage> image_;
+  bool unreadable_ = false;  // an image that was waited for came and cannot be read
 
   std::thread reader_;  // last: it uses all the others
 };
-
-absl::StatusOr<std::unique_ptr<CameraSource>> OpenStream(const std::string& view,
-                                                         std::unique_ptr<ImageStream> stream,
-                                                         const std::string& url,
-                                                         absl::Duration latency,
-                                                         absl::Duration timeout) {
-  auto camera = std::make_unique<StreamCamera>(view, std::move(stream), url, latency, timeout);
-  RETURN_IF_ERROR(camera->Start());
-  return camera;
-}
 
 // OpenCV does not know this control; a camera may lack it.
 void SwitchAutomaticGainOff(const std::string& device) {
@@ -339,16 +344,26 @@ class V4l2Stream : public ImageStream {
 
 }  // namespace
 
+absl::StatusOr<std::unique_ptr<CameraSource>> OpenStreamCamera(const std::string& view,
+                                                               std::unique_ptr<ImageStream> stream,
+                                                               const std::string& url,
+                                                               absl::Duration latency,
+                                                               absl::Duration timeout) {
+  auto camera = std::make_unique<StreamCamera>(view, std::move(stream), url, latency, timeout);
+  RETURN_IF_ERROR(camera->Start());
+  return camera;
+}
+
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenV4l2Camera(const std::string& view, int width,
                                                              int height, const V4l2Source& source) {
-  return OpenStream(view, std::make_unique<V4l2Stream>(width, height, source), "", source.latency,
-                    source.timeout);
+  return OpenStreamCamera(view, std::make_unique<V4l2Stream>(width, height, source), "",
+                          source.latency, source.timeout);
 }
 
 absl::StatusOr<std::unique_ptr<CameraSource>> OpenRtspCamera(const std::string& view,
                                                              const RtspSource& source) {
-  return OpenStream(view, NetworkStream(source.url, source.timeout), source.url, source.latency,
-                    source.timeout);
+  return OpenStreamCamera(view, NetworkStream(source.url, source.timeout), source.url,
+                          source.latency, source.timeout);
 }
 
 std::vector<V4l2Device> FindV4l2Devices() {

@@ -46,7 +46,7 @@ FeedbackRobot::~FeedbackRobot() {
 absl::Status FeedbackRobot::CheckNumbers(std::span<const double> positions) const {
   for (size_t j = 0; j < names_.size(); ++j) {
     if (std::isfinite(positions[j])) continue;
-    return absl::UnavailableError(absl::StrCat("the robot reports a position of '", names_[j],
+    return absl::UnavailableError(absl::StrCat("the robot reported a position of '", names_[j],
                                                "' that is not a number: ", positions[j],
                                                "; check its controller or driver"));
   }
@@ -62,15 +62,30 @@ absl::Status FeedbackRobot::CheckCount(const RobotFeedback& feedback) const {
 }
 
 absl::Status FeedbackRobot::CheckHold(const RobotFeedback& feedback) const {
+  RETURN_IF_ERROR(newest_count_);
   if (!feedback.fault.empty()) {
     return absl::AbortedError(absl::StrCat("the robot reports: ", feedback.fault));
   }
-  RETURN_IF_ERROR(CheckNumbers(feedback.positions));
+  RETURN_IF_ERROR(newest_numbers_);
   const JointDeviation off = GreatestDeviation(*hold_, feedback.positions, limits_.continuous);
   if (off.deviation <= limits_.tolerance) return absl::OkStatus();
   return absl::AbortedError(
       absl::StrFormat("the robot moves when it should stand still: '%s' has left its place by %.4f",
                       names_[off.joint], off.deviation));
+}
+
+void FeedbackRobot::GuardHold(const RobotFeedback& feedback, bool was_seen) {
+  const absl::Status held = CheckHold(feedback);
+  if (held.ok()) return;
+  if (!absl::IsUnavailable(held)) {
+    alarm_ = held;
+    hold_.reset();
+  } else if (was_seen) {
+    untold_loss_.Update(held);
+  } else {
+    return;
+  }
+  alarmed_ = true;
 }
 
 void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
@@ -84,18 +99,18 @@ void FeedbackRobot::OnFeedback(const RobotFeedback& feedback) {
   loss_told_ = false;
   newest_ = feedback;
   newest_count_ = CheckCount(feedback);
+  const bool counted = newest_count_.ok();
+  const absl::Status before =
+      std::exchange(newest_numbers_, counted ? CheckNumbers(feedback.positions) : absl::OkStatus());
   newest_time_ = now;
   link_failure_ = absl::OkStatus();
-  const bool counted = newest_count_.ok();
-  if (counted) stillness_.Add(newest_time_, feedback.positions);
+  if (counted && newest_numbers_.ok()) stillness_.Add(newest_time_, feedback.positions);
   if (move_) {
     if (move_failure_.ok()) {
       move_failure_ = counted ? move_->Tell(newest_time_, feedback) : newest_count_;
     }
   } else if (hold_) {
-    alarm_ = counted ? CheckHold(feedback) : newest_count_;
-    alarmed_ = !alarm_.ok();
-    if (alarmed_) hold_.reset();
+    GuardHold(feedback, /*was_seen=*/before.ok());
   }
   changed_.notify_all();
 }
@@ -120,10 +135,13 @@ void FeedbackRobot::StopWhenAlarmed() {
     changed_.wait(lock, [&] { return alarmed_ || ending_; });
     if (!alarmed_) return;
     alarmed_ = false;
+    stopping_ = true;
     lock.unlock();
     const absl::Status stopped = link_->Stop();
     lock.lock();
-    if (!stopped.ok()) {
+    stopping_ = false;
+    changed_.notify_all();
+    if (!stopped.ok() && !alarm_.ok()) {
       alarm_ = absl::AbortedError(
           absl::StrCat(alarm_.message(), "; the stop command failed: ", stopped.message()));
     }
@@ -153,7 +171,7 @@ absl::StatusOr<RobotFeedback> FeedbackRobot::Newest(std::unique_lock<std::mutex>
   }
   RETURN_IF_ERROR(Silence(RunningNow()));
   RETURN_IF_ERROR(newest_count_);
-  RETURN_IF_ERROR(CheckNumbers(newest_->positions));
+  RETURN_IF_ERROR(newest_numbers_);
   return *newest_;
 }
 
@@ -181,6 +199,7 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
     }
   }
   std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return !alarmed_ && !stopping_; });  // that stop is of no later move
   stop_asked_ = false;
   ASSIGN_OR_RETURN(const RobotFeedback start, Newest(lock));
   for (const std::string& hindrance : {start.fault, start.not_ready}) {

@@ -54,7 +54,8 @@ class ControllerLink {
 //
 // Where a move has ended the robot must stay: if it leaves that place by more than the tolerance
 // before the next one, or reports a fault, it receives a stop command; then every call but
-// Stop() fails with the reason. Before the first move, and after a Stop(), it may be moved by
+// Stop() fails with the reason. A position that is not a number stops it, too, and counts as a
+// lost connection. Before the first move, and after a Stop(), it may be moved by
 // anybody.
 class FeedbackRobot : public Robot {
  public:
@@ -85,7 +86,10 @@ class FeedbackRobot : public Robot {
   // With mutex_ held.
   absl::StatusOr<RobotFeedback> Newest(std::unique_lock<std::mutex>& lock);
   absl::Status Silence(absl::Duration now);
+  // Unavailable: as CheckNumbers(). Any other error: the robot may be used no more.
   absl::Status CheckHold(const RobotFeedback& feedback) const;
+  // `was_seen`: the positions of the message before were numbers.
+  void GuardHold(const RobotFeedback& feedback, bool was_seen);
   // Internal: not one position for each joint.
   absl::Status CheckCount(const RobotFeedback& feedback) const;
   // Unavailable: one is not a number.
@@ -98,10 +102,11 @@ class FeedbackRobot : public Robot {
   std::mutex mutex_;  // guards all below but link_
   std::condition_variable changed_;
   std::optional<RobotFeedback> newest_;
-  absl::Status newest_count_;   // of newest_: CheckCount
-  absl::Duration newest_time_;  // running clock
-  absl::Status untold_loss_;    // a past one that no call has reported yet
-  bool loss_told_ = false;      // of the one that goes on
+  absl::Status newest_count_;    // of newest_: CheckCount
+  absl::Status newest_numbers_;  // of newest_: CheckNumbers
+  absl::Duration newest_time_;   // running clock
+  absl::Status untold_loss_;     // a past one that no call has reported yet
+  bool loss_told_ = false;       // of the one that goes on
   Stillness stillness_;
   absl::Status link_failure_;        // the last one; OK again with the next feedback
   std::optional<MotionWatch> move_;  // under way
@@ -109,8 +114,9 @@ class FeedbackRobot : public Robot {
   bool stop_asked_ = false;
   // Where it must stay; of continuous joints in the turn of the last goal.
   std::optional<std::vector<double>> hold_;
-  absl::Status alarm_;    // why it may be used no more
-  bool alarmed_ = false;  // the guard has to stop it
+  absl::Status alarm_;     // why it may be used no more
+  bool alarmed_ = false;   // the guard has to stop it
+  bool stopping_ = false;  // the guard does
   bool ending_ = false;
 
   std::thread guard_;

@@ -38,8 +38,8 @@ void CheckLimits(const MotionLimits& limits) {
 
 void Stillness::Add(absl::Duration when, const std::vector<double>& positions) {
   samples_.push_back({when, positions});
-  // One sample that is a moment old or older stays.
-  while (samples_.size() > 2 && when - samples_[1].when >= kMoment) samples_.pop_front();
+  // One sample that is a moment old or older stays, and the least number that can show stillness.
+  while (samples_.size() > kLeast && when - samples_[1].when >= kMoment) samples_.pop_front();
 }
 
 double Stillness::Change() const {
@@ -53,7 +53,7 @@ double Stillness::Change() const {
 }
 
 bool Stillness::still() const {
-  return samples_.size() >= 3 && samples_.back().when - samples_.front().when >= kMoment &&
+  return samples_.size() >= kLeast && samples_.back().when - samples_.front().when >= kMoment &&
          Change() <= change_;
 }
 
@@ -91,8 +91,8 @@ absl::Status MotionWatch::Tell(absl::Duration now, const RobotFeedback& feedback
   const JointDeviation gone = GreatestDeviation(start_, positions);
   const double seconds = absl::ToDoubleSeconds(now - begin_ + kLatency);
   if (!std::isfinite(gone.deviation)) {
-    return absl::AbortedError(
-        absl::StrCat("the robot reported no number for '", names_[gone.joint], "'"));
+    return absl::UnavailableError(absl::StrCat("the robot reported a position of '",
+                                               names_[gone.joint], "' that is not a number"));
   }
   if (gone.deviation > kTooFast * limits_.joint_speed * seconds + limits_.tolerance) {
     return absl::AbortedError(absl::StrFormat(

@@ -56,12 +56,15 @@ class Stillness {
       : change_(limits.tolerance / 2), continuous_(limits.continuous) {}
 
   void Add(absl::Duration when, const std::vector<double>& positions);
-  // Whether they have not changed for kMoment; false as long as that is not known.
+  // Whether they have not changed for kMoment, in three samples at least, however rarely they come;
+  // false as long as that is not known.
   bool still() const;
-  // Whether they have changed within the last kMoment.
+  // Whether they have changed within the last kMoment, or the last three samples.
   bool moving() const;
 
  private:
+  static constexpr size_t kLeast = 3;
+
   struct Sample {
     absl::Duration when;
     std::vector<double> positions;
@@ -86,7 +89,8 @@ class MotionWatch {
   absl::Duration duration() const { return duration_; }
 
   // A message came. Aborted: the robot must be stopped, for the reason that the status says: a
-  // fault, no number, much too fast, or a joint that leaves the range between start and goal.
+  // fault, much too fast, or a joint that leaves the range between start and goal. Unavailable: it
+  // must be stopped, since a position is not a number.
   absl::Status Tell(absl::Duration now, const RobotFeedback& feedback);
   // Asked now and then. DeadlineExceeded: the robot does not arrive; it must be stopped.
   absl::Status CheckTime(absl::Duration now) const;

@@ -7,8 +7,9 @@
 //   if (checks.ok() && checks->verdicts[0].free()) ...
 //
 // Errors are one sentence each that names the server and the mend:
-//   Unavailable       no server answers there, or it went away before the answer was complete
+//   Unavailable       no server answers there, or it, or a proxy, ended the call too early
 //   DeadlineExceeded  it did not answer in time
+//   ResourceExhausted   too many calls for the server, or too much in this one; its own words
 //   InvalidArgument, NotFound, FailedPrecondition   the server refuses; its own words
 //   Aborted           the database was replaced meanwhile: publish or allow again
 //   PermissionDenied  the server does not allow this client the call (its roles)
@@ -75,10 +76,13 @@ class PublishingClock;
 // this: they are for the cell that is served now, whichever it is.
 class Client {
  public:
-  // `address`: "host:port" or "unix:path". `timeout`: for each call as a whole. Only checks the
-  // form of the address (InvalidArgument) and reads the files of `tls` (NotFound). The first call
-  // connects; later calls reconnect if the connection was lost, with the files as they are some
-  // seconds before. With `tls` the server's certificate must name the host of `address`.
+  // `address`: "host:port" or "unix:path". `timeout`: of each round trip to the server; watches and
+  // streams have no end. Most calls take one round trip; a check takes up to two more if its answer
+  // comes late; BeginVariantChange, ChangeVariant and AllowRegion take two, PublishScene up to six.
+  // Only checks the form of the address (InvalidArgument) and reads the files of `tls` (NotFound).
+  // The first call connects; later calls reconnect if the connection was lost, with the files as
+  // they are some seconds before. With `tls` the server's certificate must name the host of
+  // `address`.
   static absl::StatusOr<Client> Connect(const std::string& address,
                                         absl::Duration timeout = absl::Seconds(10),
                                         const ClientTls& tls = {});

@@ -90,7 +90,8 @@ class LocalSpace {
     return Snapshot()->CheckMotion(from, to, path_resolution);
   }
   // The same; where what is held here does not decide it, the server does, by its newest scene. If
-  // it does not answer, unknown, kConnectionLost; if it refuses, kRefused.
+  // it does not answer, unknown, kConnectionLost; if it refuses, kRefused: Client::CheckPath of
+  // the same motion says why.
   MotionVerdict CheckMotionOrAsk(std::span<const double> from, std::span<const double> to,
                                  double path_resolution = 0.005) const;
   ConfigurationChecks CheckConfigurations(std::span<const Configuration> configurations) const {

@@ -45,9 +45,9 @@ class PathWatch {
   // Waits for an update that was not returned yet, and returns the newest. If the last one's free
   // verdict or separation expires before, it returns that one again (`repeated`, unknown now): no
   // caller waits here through an expiry. DeadlineExceeded if nothing comes within `timeout`: the
-  // watch continues. Cancelled after Cancel(). Any other error, as in Client: the watch is over,
-  // and every later Next() fails, too; Unimplemented also if the server does not report its clock:
-  // then the age of a scene is unknown.
+  // watch continues. Cancelled after Cancel() only. Any other error, as in Client: the watch is
+  // over, and every later Next() fails, too; Unimplemented also if the server does not report its
+  // clock: then the age of a scene is unknown.
   absl::StatusOr<PathUpdate> Next(absl::Duration timeout = absl::InfiniteDuration());
 
   // Ends the call, and a Next() that waits.

@@ -31,8 +31,8 @@ class SceneWatch {
   SceneWatch& operator=(SceneWatch&&) noexcept;
 
   // The next message, in order; all that arrived are returned before an error. DeadlineExceeded if
-  // none comes within `timeout`: the watch continues. Cancelled after Cancel(). Any other error, as
-  // in Client: the watch is over; Unimplemented: the server is too old.
+  // none comes within `timeout`: the watch continues. Cancelled after Cancel() only. Any other
+  // error, as in Client: the watch is over; Unimplemented: the server is too old.
   absl::StatusOr<v1::WatchScenesResponse> Next(absl::Duration timeout);
 
   // Ends the call, and a Next() that waits.

@@ -80,9 +80,9 @@ class SpaceSnapshot : public std::enable_shared_from_this<SpaceSnapshot> {
   // The straight motion between two configurations: what Client::CheckPath of these two waypoints
   // returns, with the same restrictions as Check. Between grid points the map of a captured robot
   // may not suffice: unknown, kBetweenGridPoints (LocalSpace::CheckMotionOrAsk). Never allocates
-  // for a captured robot. `path_resolution`: of a drawn robot, metres that some point of it moves,
-  // as in CheckPathRequest; std::invalid_argument if it is not 0.0005 to 0.1. A motion that takes
-  // more than a million checks is unknown, kNotCheckedHere.
+  // for a captured robot. `path_resolution`: metres that some point of a drawn robot moves, as in
+  // CheckPathRequest; for any robot std::invalid_argument if it is not 0.0005 to 0.1. A motion that
+  // takes more than a million checks is unknown, kNotCheckedHere.
   MotionVerdict CheckMotion(std::span<const double> from, std::span<const double> to,
                             double path_resolution = 0.005) const;
 

@@ -57,7 +57,8 @@ struct SpaceInformationOptions {
 
 // State space, validity and motions of a snapshot, set up. The verdicts are those of the snapshot's
 // scene, and unknown, that is invalid, once it expires. For any number of threads. Throws
-// std::invalid_argument if there is no snapshot, or it has no grid: before the first update.
+// std::invalid_argument if there is no snapshot, or it has no grid (before the first update), or if
+// `path_resolution` cannot be.
 ompl::base::SpaceInformationPtr MakeSpaceInformation(std::shared_ptr<const SpaceSnapshot> snapshot,
                                                      const SpaceInformationOptions& options = {});
 

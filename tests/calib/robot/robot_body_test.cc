@@ -530,6 +530,38 @@ TEST_F(RobotBodyTest, OfALinkWithAnOpenMeshTheClosedOnesAreCertain) {
   EXPECT_LT(AtMost(body.At({}), {-1, 0, 0}), 0);
 }
 
+// A box of edges 0.4 m and a smaller one; turned the other way.
+TriangleMesh WithABoxTurnedTheOtherWay(const Vector3d& size, const Vector3d& at) {
+  TriangleMesh mesh = BoxMesh({0.4, 0.4, 0.4});
+  const auto first = static_cast<uint32_t>(mesh.vertices.size());
+  const TriangleMesh box = BoxMesh(size);
+  for (const Vector3d& vertex : box.vertices) mesh.vertices.push_back(vertex + at);
+  for (const auto& [a, b, c] : box.triangles) {
+    mesh.triangles.push_back({first + a, first + c, first + b});
+  }
+  return mesh;
+}
+
+TEST_F(RobotBodyTest, PiecesThatAreInsideOutAndHollowsMayBeTouchedAndAreNamed) {
+  const RobotModel bare = Read("<robot name='bare'><link name='shell'/></robot>");
+  const Vector3d beside(1, 0, 0);
+  for (const Vector3d& at : {Vector3d(0, 0, 0), beside}) {
+    const auto mesh =
+        std::make_shared<const TriangleMesh>(WithABoxTurnedTheOtherWay({0.38, 0.38, 0.38}, at));
+    ASSERT_TRUE(IsClosed(*mesh));
+    const RobotModel robot = bare.WithBody(0, {.shape = MeshShape{"shell.stl", mesh},
+                                               .link_from_shape = Eigen::Isometry3d::Identity(),
+                                               .colour = {}});
+    const RobotBody body(robot, {.range = kRange, .step = kStep});
+    EXPECT_EQ(body.open_links(), std::vector<std::string>{"shell"});
+    const PosedBody posed = body.At({});
+    EXPECT_TRUE(posed.MayReach(at, 0.01));
+    EXPECT_GT(AtMost(posed, at), 0) << "not certain";
+    EXPECT_LT(AtMost(posed, {0.195, 0, 0}), 0.01) << "a wall, or the middle of the whole piece";
+    EXPECT_FALSE(posed.MayReach({0, 0.5, 0}, 0.01));
+  }
+}
+
 TEST_F(RobotBodyTest, TakesTheCollisionGeometryWhereItIsAskedTo) {
   const RobotBody body(robot_,
                        {.geometry = BodyGeometry::kCollision, .range = kRange, .step = kStep});

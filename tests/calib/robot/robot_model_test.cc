@@ -57,6 +57,20 @@ TEST(RobotModel, LinkPosesFollowTheJoints) {
   EXPECT_THROW(robot.LinkPoses(std::vector<double>{0, 0}), std::invalid_argument);
 }
 
+TEST(RobotModel, FramesThatNoJointMovesCarryNoPayload) {
+  const auto robot = RobotModel::FromUrdf(WriteFile(FreshFolder() / "robot.urdf", R"(
+      <robot name="r"><link name="foot"/><link name="base"/><link name="arm"/><link name="tool"/>
+      <joint name="frame" type="fixed"><parent link="foot"/><child link="base"/></joint>
+      <joint name="turn" type="continuous"><parent link="foot"/><child link="arm"/>
+        <axis xyz="0 0 1"/></joint>
+      <joint name="flange" type="fixed"><parent link="arm"/><child link="tool"/></joint></robot>)"));
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  const std::vector<bool> outermost = robot->Outermost();
+  for (size_t link = 0; link < outermost.size(); ++link) {
+    EXPECT_EQ(outermost[link], robot->links()[link].name == "tool") << robot->links()[link].name;
+  }
+}
+
 TEST(RobotModel, BodyIsVisualElseCollisionGeometry) {
   const RobotModel robot = ThreeJoints();
   EXPECT_EQ(robot.links()[0].body().size(), 0u);

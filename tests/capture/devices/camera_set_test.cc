@@ -7,6 +7,8 @@
 #include <chrono>
 #include <condition_variable>
 #include <functional>
+#include <future>
+#include <memory>
 #include <mutex>
 #include <utility>
 
@@ -182,6 +184,60 @@ TEST_F(CameraSetTest, LostSourcesAreOpenedAtTheSameTimeBeforeAnyIsTriggered) {
   const auto images = set_->Grab();
   ASSERT_TRUE(images.ok()) << images.status();
   EXPECT_THAT(log_, ElementsAre("trigger left", "trigger front", "wait left", "wait front"));
+}
+
+TEST_F(CameraSetTest, SourceThatIsLookedForDelaysNoOther) {
+  std::promise<absl::Status> end;
+  int opened = 0;
+  front_->there = false;
+  front_->on_open = [&] {
+    ++opened;
+    return end.get_future().get();
+  };
+  for (int i = 0; i < 3; ++i) {
+    const auto images = set_->GrabEach();
+    EXPECT_TRUE(images[0].ok() && images[2].ok());
+    EXPECT_TRUE(absl::IsUnavailable(images[1].status()));
+    EXPECT_THAT(images[1].status().message(), HasSubstr("'front': the connection to it was lost"));
+  }
+  end.set_value(absl::OkStatus());
+  EXPECT_TRUE(set_->Grab().ok()) << "who needs all waits for all";
+  EXPECT_EQ(opened, 1);
+}
+
+TEST_F(CameraSetTest, SourceThatIsLookedForAgainStaysLostForTheSameReason) {
+  std::promise<void> end;
+  const std::shared_future<void> ended = end.get_future().share();
+  int opened = 0;
+  front_->there = false;
+  front_->on_open = [&opened, ended] {
+    if (++opened > 1) ended.wait();
+    return absl::UnavailableError("it does not answer");
+  };
+  EXPECT_FALSE(set_->Grab().ok());
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_THAT(set_->GrabEach()[1].status().message(), HasSubstr("it does not answer"));
+  }
+  end.set_value();
+  EXPECT_FALSE(set_->Grab().ok());
+}
+
+TEST_F(CameraSetTest, SourceIsNotDestroyedWhileItIsLookedFor) {
+  bool opened = false;
+  front_->there = false;
+  front_->on_open = [&opened] {
+    absl::SleepFor(absl::Milliseconds(50));
+    opened = true;
+    return absl::OkStatus();
+  };
+  set_->GrabEach();
+  set_.reset();
+  EXPECT_TRUE(opened);
+}
+
+TEST_F(CameraSetTest, IfAllAreLostTheyAreWaitedFor) {
+  pair_->there = front_->there = false;
+  for (const auto& image : set_->GrabEach()) EXPECT_TRUE(image.ok()) << image.status();
 }
 
 TEST_F(CameraSetTest, SourceThatStaysAwayIsNotTriggered) {

@@ -64,6 +64,23 @@ TEST_F(MotionWatchTest, RobotThatStandsAtItsGoalHasArrived) {
   EXPECT_LE(now_ - begin_, absl::Seconds(2.3));
 }
 
+TEST(MotionWatch, RobotThatReportsRarelyArrivesOnceThreeReportsAreAlike) {
+  for (const int period : {79, 80, 100, 200, 400}) {
+    const absl::Duration pause = absl::Milliseconds(period);
+    MotionWatch watch({"turn"}, {0}, {0.5}, {}, absl::ZeroDuration());
+    absl::Duration now;
+    absl::Status status;
+    for (; status.ok() && !watch.arrived() && now < absl::Seconds(20); now += pause) {
+      status = watch.Tell(now, {.positions = {std::min(0.5, absl::ToDoubleSeconds(now) / 2)}});
+      if (status.ok()) status = watch.CheckTime(now);
+    }
+    EXPECT_EQ(status, absl::OkStatus()) << pause;
+    EXPECT_TRUE(watch.arrived()) << pause;
+    EXPECT_GE(now, absl::Seconds(1) + 2 * pause);
+    EXPECT_LE(now, absl::Seconds(1) + 4 * pause + Stillness::kMoment);
+  }
+}
+
 TEST_F(MotionWatchTest, RobotThatPassesItsGoalHasNotArrived) {
   // Within the tolerance for one message only.
   const auto swing = [](double s) { return s < 2 ? OnTheWay(s / 2) : At(1 + (s - 2) * 0.1, -0.5); };
@@ -134,7 +151,9 @@ TEST_F(MotionWatchTest, JointThatLeavesItsWayIsStopped) {
 TEST_F(MotionWatchTest, FaultsAndNonsenseStop) {
   EXPECT_THAT(watch_.Tell(now_, {.positions = {0, 0}, .fault = "emergency stop"}).message(),
               HasSubstr("emergency stop"));
-  EXPECT_TRUE(absl::IsAborted(watch_.Tell(now_, At(0, std::nan("")))));
+  const absl::Status status = watch_.Tell(now_, At(0, std::nan("")));
+  EXPECT_TRUE(absl::IsUnavailable(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr("position of 'lift' that is not a number"));
 }
 
 constexpr double kPi = std::numbers::pi;
@@ -298,15 +317,19 @@ class WrappingRobotTest : public testing::Test {
   }
   // Loses the connection and returns when it is back; false: it is not.
   bool Lose(absl::Duration gone = absl::ZeroDuration()) {
-    const auto reports = [&] {
-      const std::lock_guard lock(controller_.mutex);
-      return controller_.reports;
-    };
     {
       const std::lock_guard lock(controller_.mutex);
       controller_.loses = true;
       controller_.gone = gone;
     }
+    return Report();
+  }
+  // Returns when the controller has reported what it is now; false: it does not.
+  bool Report() {
+    const auto reports = [&] {
+      const std::lock_guard lock(controller_.mutex);
+      return controller_.reports;
+    };
     const int before = reports();
     return Eventually([&] { return reports() >= before + 3; });
   }
@@ -349,6 +372,37 @@ TEST_F(WrappingRobotTest, PositionThatIsNotANumberIsUnavailableAndNamesItsJoint)
   Place(1, std::nan(""));
   ASSERT_TRUE(Eventually([&] { return stops() > 0; })) << "it may move unseen";
   EXPECT_THAT(robot->State().status().message(), HasSubstr("'lift' that is not a number"));
+}
+
+TEST_F(WrappingRobotTest, PositionThatIsNoNumberForAMomentStopsTheRobotAndIsALossThatEnds) {
+  const auto robot = Connect();
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
+  Place(1, std::nan(""));
+  ASSERT_TRUE(Report());
+  Place(1, 0);
+  ASSERT_TRUE(Report());
+  EXPECT_TRUE(Eventually([&] { return stops() == 1; })) << stops();
+  const absl::Status lost = robot->MoveTo(std::vector<double>{0, 0});
+  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
+  EXPECT_THAT(lost.message(), HasSubstr("position of 'lift' that is not a number"));
+  const absl::StatusOr<RobotState> state = robot->State();
+  ASSERT_TRUE(state.ok()) << state.status();
+  EXPECT_EQ(state->positions[0], 1);
+  EXPECT_FALSE(state->moving);
+  EXPECT_EQ(robot->MoveTo(std::vector<double>{0, 0}), absl::OkStatus());
+  EXPECT_EQ(stops(), 1);
+}
+
+TEST_F(WrappingRobotTest, RobotThatLeftItsPlaceWhileItReportedNoNumberIsGivenUp) {
+  const auto robot = Connect();
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
+  Place(1, std::nan(""));
+  ASSERT_TRUE(Report());
+  Place(1.1, 0);
+  ASSERT_TRUE(Report());
+  const absl::Status status = robot->State().status();
+  EXPECT_TRUE(absl::IsAborted(status)) << status;
+  EXPECT_THAT(status.message(), HasSubstr("'turn' has left its place"));
 }
 
 TEST_F(WrappingRobotTest, AnotherNumberOfPositionsThanJointsIsRefusedWithBothNumbers) {

@@ -130,6 +130,31 @@ TEST_F(FolderCamera, DamagedImageIsToldInItsTurnAndTheOthersKeepTheirs) {
   }
 }
 
+TEST_F(FolderCamera, JpegThatIsCutOffIsToldInItsTurnAndTheOthersKeepTheirs) {
+  std::filesystem::remove(folder_ + "/1.png");
+  std::vector<uint8_t> whole;
+  cv::imencode(".jpg", Noise(1), whole);
+  const size_t size = whole.size();
+  for (const size_t kept : {size, size - 1, size - 2, size / 2, size_t{200}}) {
+    for (const bool zeros : {false, true}) {  // in place of the rest
+      SCOPED_TRACE(absl::StrCat(kept, " of ", size, zeros));
+      std::vector<uint8_t> bytes = whole;
+      bytes.resize(kept);
+      if (zeros) bytes.resize(size);
+      WriteBytes(folder_ + "/1.jpg", {bytes});
+      const auto camera = OpenFolder("top", {.folder = folder_});
+      ASSERT_TRUE(camera.ok()) << camera.status();
+      const auto image = RecordedCameraTake(**camera);
+      EXPECT_EQ(image.ok(), kept == size);
+      if (!image.ok()) {
+        EXPECT_THAT(image.status().message(),
+                    HasSubstr("1.jpg is not an image that can be read, or is cut off"));
+      }
+      EXPECT_EQ(RecordedCameraTake(**camera)->pixels[0], 20);
+    }
+  }
+}
+
 TEST_F(FolderCamera, SixteenBitImageIsReadInItsUpperEightAndRefusedIfTheseAreBlack) {
   cv::imwrite(folder_ + "/1.png", cv::Mat(24, 32, CV_16UC1, cv::Scalar(4095)));
   cv::imwrite(folder_ + "/2.png", cv::Mat(24, 32, CV_16UC1, cv::Scalar(200 * 256 + 255)));

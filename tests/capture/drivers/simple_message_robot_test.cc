@@ -112,6 +112,19 @@ TEST_F(SimpleMessageRobotTest, ArrivesWithFullPointsInBothKindsOfTrajectory) {
   }
 }
 
+TEST_F(SimpleMessageRobotTest, RobotThatReportsTenTimesASecondOrMoreRarelyArrives) {
+  for (const absl::Duration period : {absl::Milliseconds(100), absl::Milliseconds(200)}) {
+    Serve({.state_period = period});
+    settings_.trajectory = SimpleMessageSettings::Trajectory::kDownload;
+    const auto robot =
+        Connect({.joint_speed = 4, .tolerance = 0.002, .silence = absl::Seconds(20)});
+    for (const std::vector<double>& goal : {kThere, kHere}) {
+      EXPECT_EQ(robot->MoveTo(goal), absl::OkStatus()) << period;
+    }
+  }
+  EXPECT_EQ(controller_.stops(), 0);
+}
+
 TEST_F(SimpleMessageRobotTest, FullPointsAreStoppedOnTheWay) {
   settings_.point = SimpleMessageSettings::PointMessage::kFull;
   controller_.SetFault(ControllerFault::kStopsHalfWay);

@@ -568,7 +568,8 @@ TEST(Difference, ImpossibleSettingsAreRefused) {
        {Settings{.noise_factor = -1}, Settings{.min_difference = std::nan("")},
         Settings{.faint_difference = -1}, Settings{.texture_difference = -1},
         Settings{.faint_side = 4}, Settings{.faint_side = 17}, Settings{.clean_up_radius = -1},
-        Settings{.min_blob_pixels = -1}, Settings{.min_cover = 1}}) {
+        Settings{.clean_up_radius = 16}, Settings{.min_blob_pixels = -1},
+        Settings{.min_cover = 1}}) {
     EXPECT_THROW(Difference(empty, reference, settings, {8, 8}), std::invalid_argument)
         << Describe(settings);
   }

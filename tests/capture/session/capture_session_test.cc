@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "capture/devices/running_clock.h"
 #include "capture/session/history.h"
 #include "capture/session/raw_archive.h"
 #include "capture/session/remask.h"
@@ -170,6 +171,27 @@ TEST_F(CaptureSessionTest, RobotThatLeavesWhileImagesAreTakenStopsTheSession) {
   cell_.rig.on_grab = nullptr;
   EXPECT_TRUE(cell_.Capture().complete());
   EXPECT_THAT(cell_.Content(), SizeIs(30));
+}
+
+TEST_F(CaptureSessionTest, RobotThatLeavesWhileImagesAreTakenIsFoundThoughItReportsLate) {
+  bool pushed = false;
+  int reports = 0;  // since then
+  absl::Duration first;
+  cell_.rig.on_grab = [&](size_t grab, std::vector<CameraImage>&) {
+    pushed = pushed || grab == 7;
+    first = RunningNow();
+    return absl::OkStatus();
+  };
+  cell_.robot.on_state = [&](RobotState& state) {
+    const bool late = pushed && ++reports <= 3;
+    state.not_before = late ? first - absl::Milliseconds(900) : RunningNow();
+    if (pushed && !late) state.positions[2] += 0.02;
+    return absl::OkStatus();
+  };
+  const CaptureReport report = cell_.Capture();
+  EXPECT_TRUE(absl::IsAborted(report.status)) << report.status;
+  EXPECT_THAT(report.status.message(), HasSubstr("moved by 0.0200 while its images were taken"));
+  EXPECT_EQ(report.captured, 6u);
 }
 
 TEST_F(CaptureSessionTest, ImagesOfARobotThatSwingsAreNotTaken) {

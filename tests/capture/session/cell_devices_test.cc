@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "capture/devices/running_clock.h"
 #include "capture/session/cell_cameras.h"
 #include "capture/session/cell_robot.h"
 #include "tests/capture/segmentation/images.h"
@@ -60,6 +61,27 @@ TEST(CellRobot, RobotThatMovesIsNotMeasured) {
   auto cell = CellRobot::Create(FakeDescription(), robot);
   robot.moving = true;
   EXPECT_TRUE(absl::IsAborted(cell->Measure().status()));
+}
+
+TEST(CellRobot, StateOfBeforeTheMomentIsAskedForAgain) {
+  FakeRobot robot;
+  auto cell = CellRobot::Create(FakeDescription(), robot);
+  const absl::Duration since = RunningNow();
+  int asked = 0;
+  robot.on_state = [&](RobotState& state) {
+    const bool late = ++asked == 3;
+    state.positions = {0, 0, late ? 0.5 : 0};
+    state.not_before = late ? since : since - absl::Nanoseconds(1);
+    return absl::OkStatus();
+  };
+  EXPECT_THAT(*cell->Measure(), ElementsAre(0, 0, 0));
+  EXPECT_THAT(*cell->Measure(since), ElementsAre(0.5, 0, 0));
+  EXPECT_EQ(asked, 3);
+  robot.on_state = [&](RobotState& state) {
+    state.not_before = since - absl::Seconds(1);
+    return ++asked < 6 ? absl::OkStatus() : absl::UnavailableError("lost");
+  };
+  EXPECT_TRUE(absl::IsUnavailable(cell->Measure(since).status()));
 }
 
 class CellCamerasTest : public testing::Test {

@@ -211,7 +211,8 @@ TEST(CheckStream, UnaskedAnswerEndsTheCall) {
 }
 
 TEST(CheckStream, LossLeavesTheOtherQuestionsWithoutAnAnswer) {
-  for (const auto code : {grpc::StatusCode::UNAVAILABLE, grpc::StatusCode::OK}) {
+  for (const auto code : {grpc::StatusCode::UNAVAILABLE, grpc::StatusCode::CANCELLED,
+                          grpc::StatusCode::DEADLINE_EXCEEDED, grpc::StatusCode::OK}) {
     FakeServer server;
     server.stream_checks = [code](grpc::ServerContext&, Stream& stream) {
       Question question;

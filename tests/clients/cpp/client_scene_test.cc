@@ -205,5 +205,18 @@ TEST(Scene, WithAMaskThatCannotBeIsAnError) {
   EXPECT_TRUE(client.GetScene().ok());
 }
 
+TEST(SceneWatch, EndThatNoCancelAndNoDeadlineOfThisClientMadeIsALoss) {
+  for (const auto code : {grpc::StatusCode::CANCELLED, grpc::StatusCode::DEADLINE_EXCEEDED}) {
+    FakeServer server;
+    server.watch_scenes = [code](auto&, auto&, auto&) {
+      return grpc::Status(code, "ended by a proxy");
+    };
+    SceneWatch watch = ClientOfHere(server).WatchScenes();
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(watch.Next(absl::Seconds(20)).status().code(), absl::StatusCode::kUnavailable);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace silhouette::client

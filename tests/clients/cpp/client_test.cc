@@ -18,6 +18,7 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 
 const std::vector<Configuration> kOne = {{0.1, 0.2}};
 
@@ -530,6 +531,10 @@ TEST(Explain, WithARobotMaskThatCannotBeIsAnError) {
   const absl::Status status = ClientOfHere(server).Explain(kOne[0]).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal) << status;
   EXPECT_THAT(std::string(status.message()), HasSubstr("mask"));
+}
+
+TEST(Reasons, BetweenGridPointsDoesNotClaimThatSomethingIsFree) {
+  EXPECT_THAT(Describe(Reason::kBetweenGridPoints), Not(HasSubstr("free")));
 }
 
 TEST(Reasons, EachHasItsOwnWords) {

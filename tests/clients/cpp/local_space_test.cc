@@ -7,6 +7,8 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
+#include <stdexcept>
 #include <thread>
 
 #include "tests/clients/cpp/watched_space.h"
@@ -443,6 +445,22 @@ TEST(LocalSpace, MotionThatTheServerIsAskedForKeepsItsReasonAndIsNeverOlderThanM
   EXPECT_EQ(old.state, State::kUnknown);
   EXPECT_EQ(old.reason, Reason::kUpdateTooOld);
   EXPECT_TRUE(space.CheckMotionOrAsk(from, to).free());
+}
+
+TEST(LocalSpace, PathResolutionThatTheServerRefusesIsRefusedOfACapturedRobotToo) {
+  WatchedServer server;
+  const LocalSpace space(LocalSpaceClientOf(server));
+  const Configuration q = {0, 5};
+  EXPECT_THROW(space.CheckMotion(q, q, 0.2), std::invalid_argument) << "before an update, too";
+  server.Send(FirstUpdate(BasisOf(3)));
+  space.WaitForUpdate(0, kLocalSpaceLong);
+  for (const double resolution : {0.0, 0.0001, 0.2, std::nan("")}) {
+    EXPECT_THROW(space.CheckMotion(q, q, resolution), std::invalid_argument);
+    EXPECT_THROW(space.CheckMotionOrAsk(q, q, resolution), std::invalid_argument);
+  }
+  for (const double resolution : {0.0005, 0.1}) {
+    EXPECT_NO_THROW(space.CheckMotion(q, q, resolution));
+  }
 }
 
 TEST(LocalSpace, LimitOfTheServerIsARefusalAndNoLostConnection) {

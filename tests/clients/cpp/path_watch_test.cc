@@ -266,6 +266,21 @@ TEST(PathWatch, LostStreamIsAnErrorAndWhatCameBeforeIsNotHandedOut) {
   }
 }
 
+TEST(PathWatch, EndThatNoCancelAndNoDeadlineOfThisClientMadeIsALoss) {
+  for (const auto code : {grpc::StatusCode::CANCELLED, grpc::StatusCode::DEADLINE_EXCEEDED}) {
+    const PathServer server({Free(BasisOf(3))}, grpc::Status(code, "ended by a proxy"));
+    PathWatch watch = server.Watch();
+    absl::StatusOr<PathUpdate> update = watch.Next(kPathWatchLong);
+    if (update.ok()) update = watch.Next(kPathWatchLong);
+    for (int i = 0; i < 2; ++i) {
+      EXPECT_EQ(update.status(),
+                absl::UnavailableError("the server at " + server.server.address +
+                                       ", or a proxy on the way, ended the call; call again"));
+      update = watch.Next(kPathWatchLong);
+    }
+  }
+}
+
 TEST(PathWatch, AnswerThatCannotBeUsedIsAnError) {
   const auto code_of = [](const v1::WatchPathResponse& response, Clearance clearance) {
     const PathServer server({response});

@@ -227,6 +227,28 @@ TEST(Ompl, WaypointsOfHalfATurnTakeTheWayThatWasChecked) {
   }
 }
 
+TEST(Ompl, ContinuousJointAtAnyValueIsInTheTurn) {
+  const std::vector<GridJoint> joints = {{"base", -M_PI, M_PI, 8, /*continuous=*/true}};
+  const auto space = std::make_shared<JointStateSpace>(joints);
+  const auto si = std::make_shared<ob::SpaceInformation>(space);
+  for (int degrees = -720; degrees <= 720; degrees += 45) {
+    const double value = degrees * M_PI / 180;
+    for (const double q : {std::nextafter(value, -100), value, std::nextafter(value, 100)}) {
+      const ob::ScopedState<> state = StateOf(si, Configuration{q});
+      EXPECT_TRUE(space->satisfiesBounds(state.get())) << degrees;
+      Configuration held(1);
+      space->GetValues(state.get(), held);
+      EXPECT_NEAR(std::remainder(held[0] - q, 2 * M_PI), 0, 1e-12) << degrees;
+    }
+  }
+}
+
+TEST(MakeSpaceInformation, RefusesAPathResolutionThatTheServerRefuses) {
+  PlannedCell cell;
+  const auto snapshot = cell.Show(EmptyCellScene());
+  EXPECT_THROW(MakeSpaceInformation(snapshot, {.path_resolution = 0.2}), std::invalid_argument);
+}
+
 TEST(Ompl, StatesHaveOneValuePerJoint) {
   PlannedCell cell;
   const ob::SpaceInformationPtr si = MakeSpaceInformation(cell.Show(EmptyCellScene()));

@@ -281,6 +281,13 @@ def test_a_watched_path_is_false_once_its_last_update_expires(fake):
         assert not last and last.check.verdict.reason is Reason.UPDATE_EXPIRED
 
 
+def test_a_watch_that_the_server_cancels_raises_instead_of_ending(fake):
+    with silhouette.Client(fake).watch_path([[1, 0]]) as watch:
+        with pytest.raises(silhouette.Unavailable, match="ended the call"):
+            for _ in watch:
+                pass
+
+
 def test_waiting_leaves_the_interpreter_to_other_threads(client):
     publish(client)
     with client.watch_path([[0, 0]]) as watch:

@@ -122,6 +122,8 @@ class Collisions(collisions.CollisionServiceServicer):
 
     def WatchPath(self, request, context):
         yield messages.WatchPathResponse(check=messages.CheckPathResponse(basis=basis(), verdict=FREE))
+        if request.waypoints[0].positions[0] == 1:
+            context.abort(grpc.StatusCode.CANCELLED, "as a proxy does")
         while context.is_active():
             time.sleep(0.01)
 
@@ -142,7 +144,7 @@ server.wait_for_termination()
 @pytest.fixture
 def fake(modules):
     """The address of a server that calls everything free for 0.2 s, answers checks after 0.4 s, sends one
-    update of a watched path, and revokes no region."""
+    update of a watched path, cancels the watch if the path begins at 1, and revokes no region."""
     process = subprocess.Popen([sys.executable, "-c", FAKE], stdout=subprocess.PIPE, text=True,
                                env={**os.environ, "PYTHONPATH": str(modules)})
     yield f"127.0.0.1:{process.stdout.readline().strip()}"

@@ -10,14 +10,20 @@
 namespace silhouette {
 namespace {
 
-std::string PngOfRamp() {
+std::string RampAs(const std::string& extension) {
   cv::Mat ramp(48, 64, CV_8UC3);
   for (int y = 0; y < ramp.rows; ++y) {
     for (int x = 0; x < ramp.cols; ++x) ramp.at<cv::Vec3b>(y, x) = cv::Vec3b(4 * x, 5 * y, x * y);
   }
-  std::vector<uint8_t> png;
-  cv::imencode(".png", ramp, png);
-  return {png.begin(), png.end()};
+  std::vector<uint8_t> bytes;
+  cv::imencode(extension, ramp, bytes);
+  return {bytes.begin(), bytes.end()};
+}
+
+std::string PngOfRamp() { return RampAs(".png"); }
+
+cv::Mat AsOpenCvReads(const std::string& bytes, int flags) {
+  return cv::imdecode(std::vector<uint8_t>(bytes.begin(), bytes.end()), flags);
 }
 
 TEST(ImageFile, WholePngIsDecoded) {
@@ -39,6 +45,37 @@ TEST(ImageFile, CutOrDamagedPngIsNoImageAndNothingIsWrittenToStderr) {
   }
   EXPECT_TRUE(ImageOfFile("no/such/file.png", cv::IMREAD_UNCHANGED).empty());
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(ImageFile, JpegIsDecodedInTheChannelsThatAreAskedFor) {
+  const std::string jpeg = RampAs(".jpg");
+  for (const int flags : {cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH, int{cv::IMREAD_COLOR},
+                          int{cv::IMREAD_ANYCOLOR}, int{cv::IMREAD_UNCHANGED}}) {
+    const cv::Mat image = ImageOfBytes(jpeg, flags);
+    const cv::Mat expected = AsOpenCvReads(jpeg, flags);
+    ASSERT_EQ(image.type(), expected.type()) << flags;
+    EXPECT_EQ(cv::norm(image, expected, cv::NORM_INF), 0) << flags;
+  }
+}
+
+TEST(ImageFile, JpegThatIsCutAnywhereIsNoImageAndNothingIsWrittenToStderr) {
+  const std::string jpeg = RampAs(".jpg");
+  testing::internal::CaptureStderr();
+  for (size_t size = 0; size < jpeg.size(); ++size) {
+    EXPECT_TRUE(ImageOfBytes(jpeg.substr(0, size), cv::IMREAD_COLOR).empty()) << size;
+  }
+  EXPECT_FALSE(ImageOfBytes(jpeg + "what a camera adds", cv::IMREAD_COLOR).empty());
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+TEST(ImageFile, JpegIsNotTurnedThoughItSaysHowTheCameraWasHeld) {
+  std::string jpeg = RampAs(".jpg");
+  // Exif with the orientation 6, a quarter of a turn.
+  jpeg.insert(2, std::string("\xff\xe1\0\x22"
+                             "Exif\0\0II*\0\x8\0\0\0\x1\0\x12\x1\x3\0\x1\0\0\0\x6\0\0\0\0\0\0\0",
+                             36));
+  EXPECT_EQ(AsOpenCvReads(jpeg, cv::IMREAD_COLOR).size(), cv::Size(48, 64));
+  EXPECT_EQ(ImageOfBytes(jpeg, cv::IMREAD_COLOR).size(), cv::Size(64, 48));
 }
 
 TEST(ImageFile, SixteenBitsOfWhichFewAreUsedAreRefused) {

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
@@ -21,6 +23,16 @@
 #include "tests/db/store/full_disk.h"
 #include "tests/db/store/test_database.h"
 #include "tests/random.h"
+
+namespace {
+bool quota_is_used_up = false;
+}  // namespace
+
+// In place of that of the C library.
+extern "C" int fallocate(int file, int mode, off_t at, off_t length) {
+  if (quota_is_used_up) errno = EDQUOT;
+  return quota_is_used_up ? -1 : static_cast<int>(syscall(SYS_fallocate, file, mode, at, length));
+}
 
 namespace silhouette {
 namespace {
@@ -368,6 +380,18 @@ TEST_F(FullDisk, CanBeReadButNoDatabaseCanBeMadeThere) {
   std::ofstream(disk_ + "/rest") << std::string(65536, 'x');
   const absl::Status status = Database::Open(disk_ + "/db", Access::kRead).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
+}
+
+TEST(Database, WhoseLockFileIsOverQuotaIsRefused) {
+  const std::string path = FreshFolder() / "db";
+  MakeDatabase(TestCell(), path).reset();
+  std::filesystem::remove(path + "/lock.mdb");
+  quota_is_used_up = true;
+  const absl::Status status = Database::Open(path, Access::kRead).status();
+  quota_is_used_up = false;
+  EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
+  EXPECT_THAT(status.message(), HasSubstr("the disk is full; make room and try again"));
+  EXPECT_TRUE(Database::Open(path, Access::kRead).ok());
 }
 
 TEST_F(FullDisk, LeavesNoHalfCopy) {

@@ -9,6 +9,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <fstream>
 #include <functional>
 #include <iostream>
 
@@ -98,6 +99,25 @@ TEST(Database, WithoutPermissionToRegisterIsNotReadWhileItIsWritten) {
   }));
 }
 
+TEST(Database, WithoutPermissionToRegisterIsNotReadIfNothingKeepsWritersOut) {
+  const std::filesystem::path folder = FreshFolder();
+  MakeReadableDatabase(folder / "db");
+  std::filesystem::remove(folder / "db/writer.lock");
+  TakePermission(folder / "db");
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] {
+    const absl::Status status = Database::Open(folder / "db", Access::kRead).status();
+    return Check(
+        absl::IsFailedPrecondition(status) &&
+            std::string(status.message()).find("has no 'writer.lock'") != std::string::npos,
+        status.ToString());
+  }));
+  chmod((folder / "db").c_str(), 0755);
+  std::ofstream(folder / "db/writer.lock").close();
+  TakePermission(folder / "db");
+  EXPECT_TRUE(HoldsForAnOrdinaryUser([&] { return CanBeRead(folder / "db"); }));
+  chmod((folder / "db").c_str(), 0755);
+}
+
 TEST(Database, ReaderThatKeepsWritersOutIsNotCalledByTheNumberOfTheLastWriter) {
   const std::filesystem::path folder = FreshFolder();
   MakeReadableDatabase(folder / "db");
@@ -141,21 +161,58 @@ TEST(Database, ThatAProcessOfTheSameNumberInAnotherContainerHasOpenSaysSo) {
   EXPECT_TRUE(CanBeRead(folder / "db"));
 }
 
-TEST(Database, OnAReadOnlyFileSystemCanBeRead) {
-  const std::filesystem::path folder = FreshFolder();
-  MakeReadableDatabase(folder / "db");
-  const std::string mounted = folder / "mounted";
-  std::filesystem::create_directories(mounted);
-  if (mount(folder.c_str(), mounted.c_str(), nullptr, MS_BIND, nullptr) != 0) {
-    GTEST_SKIP() << "a folder cannot be mounted here: " << strerror(errno);
+// The folder `db` in `folder` as a read-only file system shows it; ends with the test.
+class ReadOnlyDatabase : public testing::Test {
+ protected:
+  void SetUp() override {
+    MakeReadableDatabase(folder_ / "db");
+    std::filesystem::create_directories(mounted_);
+    if (mount(folder_.c_str(), mounted_.c_str(), nullptr, MS_BIND, nullptr) != 0) {
+      GTEST_SKIP() << "a folder cannot be mounted here: " << strerror(errno);
+    }
+    is_mounted_ = true;
+    ASSERT_EQ(mount(nullptr, mounted_.c_str(), nullptr, MS_BIND | MS_REMOUNT | MS_RDONLY, nullptr),
+              0);
   }
-  ASSERT_EQ(mount(nullptr, mounted.c_str(), nullptr, MS_BIND | MS_REMOUNT | MS_RDONLY, nullptr), 0);
-  EXPECT_TRUE(CanBeRead(mounted + "/db"));
-  EXPECT_TRUE(CannotBeWritten(mounted + "/db"));
-  const absl::Status status = Database::Create(mounted + "/new", TestCell()).status();
+  void TearDown() override {
+    if (is_mounted_) {
+      EXPECT_EQ(umount2(mounted_.c_str(), MNT_DETACH), 0);
+    }
+  }
+
+  const std::filesystem::path folder_ = FreshFolder();
+  const std::string mounted_ = folder_ / "mounted";
+
+ private:
+  bool is_mounted_ = false;
+};
+
+TEST_F(ReadOnlyDatabase, CanBeRead) {
+  EXPECT_TRUE(CanBeRead(mounted_ + "/db"));
+  EXPECT_TRUE(CannotBeWritten(mounted_ + "/db"));
+  const absl::Status status = Database::Create(mounted_ + "/new", TestCell()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
   EXPECT_THAT(status.message(), HasSubstr("cannot be made"));
-  EXPECT_EQ(umount2(mounted.c_str(), MNT_DETACH), 0);
+}
+
+TEST_F(ReadOnlyDatabase, WithoutALockFileCanBeReadAndKeepsWritersOut) {
+  std::filesystem::remove(folder_ / "db/lock.mdb");
+  const auto reader = Database::Open(mounted_ + "/db", Access::kRead);
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  EXPECT_EQ((*reader)->Read()->size(), 1);
+  EXPECT_TRUE(absl::IsFailedPrecondition(WriterLock::Take(folder_ / "db").status()));
+}
+
+// No lock file is shared there, and each of the two keeps writers out.
+TEST_F(ReadOnlyDatabase, ThatIsReplacedIsReadBesideTheEarlierOne) {
+  MakeDatabase(TestCell(), folder_ / "other").reset();
+  const auto earlier = Database::Open(mounted_ + "/db", Access::kRead);
+  ASSERT_TRUE(earlier.ok()) << earlier.status();
+  std::filesystem::rename(folder_ / "other/data.mdb", folder_ / "db/data.mdb");
+  const auto other = Database::Open(mounted_ + "/db", Access::kRead);
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_EQ((*earlier)->Read()->size(), 1);
+  EXPECT_EQ((*other)->Read()->size(), 0);
 }
 
 }  // namespace

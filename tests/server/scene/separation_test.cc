@@ -9,6 +9,7 @@
 
 #include "db/mask/interpolation.h"
 #include "server/collision/separation.h"
+#include "tests/calib/robot/urdf_files.h"
 #include "tests/server/scene/drawn_scene.h"
 
 namespace silhouette {
@@ -291,6 +292,34 @@ TEST_F(SeparationTest, TheHorizonCountsWhatTheFastestPointReallyMoves) {
 TEST_F(SeparationTest, WithoutASceneNothingIsKnown) {
   const Checker checker({database, nullptr, Reason::kNoScene}, kSound, settings, kDrawnNow);
   EXPECT_FALSE(checker.Distance(std::vector<Configuration>{{0, 0}}, {}));
+}
+
+// A round forearm, and a cable along it, which the images have and the model has not.
+TEST(SeparationMeter, WhatARoundPartWasGrownByGoesRoundWithIt) {
+  const auto robot = RobotModel::FromUrdf(WriteFile(FreshFolder() / "robot.urdf", R"(
+      <robot name="r"><link name="base"/><link name="elbow"/>
+      <link name="forearm"><visual><origin xyz="0 0 0.3"/>
+        <geometry><cylinder radius="0.065" length="0.4"/></geometry></visual></link>
+      <joint name="bend" type="revolute"><parent link="base"/><child link="elbow"/>
+        <axis xyz="0 1 0"/><limit lower="-2" upper="2"/></joint>
+      <joint name="roll" type="revolute"><parent link="elbow"/><child link="forearm"/>
+        <axis xyz="0 0 1"/><limit lower="-3" upper="3"/></joint></robot>)"));
+  ASSERT_TRUE(robot.ok()) << robot.status();
+  const DrawnCell cell{.robot = std::make_shared<const RobotModel>(*robot), .parts = {}};
+  const auto drawn = DrawnRobotOf(cell, std::vector<std::string>{"bend", "roll"}, {}, Calibration{},
+                                  {}, 0, std::vector<double>{0, 0, 0.08});
+  ASSERT_TRUE(drawn.ok()) << drawn.status();
+  const VoxelGrid grid(Eigen::AlignedBox3d(Eigen::Vector3d(-1, -1, -1), Eigen::Vector3d(1, 1, 1)),
+                       0.02);
+  VoxelSet hand(grid);
+  hand.Insert(60, 50, 65);  // 20 cm from the axis
+  const SpaceDistances space({{hand, grid}}, 2);
+  SeparationMeter meter(*drawn, space);
+  const auto distance = [&](const std::vector<Configuration>& way) {
+    return meter.Along(way, std::nullopt).value().distance;
+  };
+  EXPECT_LT(distance({{0, 0}}), 0.06);
+  EXPECT_LT(distance({{0, 0}, {0, 1.5}}), 0.06);
 }
 
 }  // namespace

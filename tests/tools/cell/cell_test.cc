@@ -211,6 +211,48 @@ TEST(Cell, MasksThatMissWhatCoversLittleAreRefusedWhereMuchRestsOnThemAndElseDou
   EXPECT_THAT(MessageOf(TwoJoints("  images: drawn\n", "max_move: 0.3", half)), HasSubstr(refused));
 }
 
+TEST(Cell, SegmentationThatDropsHandsOrPeopleIsDoubtedInTheViewsWhereItDoes) {
+  // Mask pixels of 4 x 4 and of 10 x 10 camera pixels.
+  const auto doubts = [](const std::string& segmentation) {
+    return Doubts(*Load(Changed("  - {name: top}\n  - {name: side, mask_size: [32, 16]}\n",
+                                "  - {name: top, image_size: [320, 240], mask_size: [80, 60]}\n"
+                                "  - {name: side, image_size: [320, 160], mask_size: [32, 16]}\n"
+                                "segmentation: {" +
+                                    segmentation + "}\n")));
+  };
+  EXPECT_THAT(doubts("min_blob_pixels: 48, clean_up_radius: 3, noise_factor: 18"), ElementsAre());
+  EXPECT_THAT(doubts("min_blob_pixels: 100"),
+              ElementsAre("segmentation: min_blob_pixels: 100 drops areas of fewer camera pixels: "
+                          "in view 'top' hands or whole people are missed; state 48 or less"));
+  EXPECT_THAT(doubts("min_blob_pixels: 4000"),
+              ElementsAre(HasSubstr("in views 'top', 'side' hands or whole people are missed; "
+                                    "state 48 or less")));
+  EXPECT_THAT(doubts("clean_up_radius: 4"),
+              ElementsAre("segmentation: clean_up_radius: 4 removes what is thinner than 9 camera "
+                          "pixels: in view 'top' hands or whole people are missed; state 3 or "
+                          "less"));
+  EXPECT_THAT(
+      doubts("noise_factor: 60"),
+      ElementsAre(HasSubstr("by less than 60 times the camera's noise are missed; state 18")));
+  EXPECT_THAT(doubts("min_difference: 100"), ElementsAre()) << "faint_difference finds them";
+  for (const char* faint : {"0", "100"}) {
+    EXPECT_THAT(doubts(std::string("min_difference: 100, faint_difference: ") + faint),
+                ElementsAre(HasSubstr("by less than 100 of 255 grey levels are missed")))
+        << faint;
+  }
+}
+
+TEST(Cell, CleanUpThatRemovesWholePeopleIsRefused) {
+  const auto cell = [](const char* radius) {
+    return std::string(kBareCell) + "segmentation: {clean_up_radius: " + radius + "}\n";
+  };
+  EXPECT_TRUE(Load(cell("15")).ok());
+  for (const char* radius : {"16", "2000000000"}) {
+    EXPECT_THAT(MessageOf(cell(radius)), AllOf(HasSubstr("clean_up_radius: at most 15 is expected"),
+                                               HasSubstr("thinner than twice as many pixels")));
+  }
+}
+
 TEST(Cell, StepsWiderThanTheLeastObstacleAreDoubtedWhereRobotImagesAreCaptured) {
   const auto doubts = [](const std::string& images, const std::string& least) {
     return Doubts(*Load(TwoJoints(images, "max_move: 0.2",

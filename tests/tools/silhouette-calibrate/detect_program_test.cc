@@ -301,7 +301,7 @@ TEST_F(DetectProgram, AJpegThatIsCutOffIsRefusedByItsName) {
   ASSERT_EQ(Run("--images left=left --boards boards.yaml"), 0) << err_;
   fs::resize_file(folder_ / "left/1.jpg", fs::file_size(folder_ / "left/1.jpg") * 6 / 10);
   EXPECT_EQ(Run("--images left=left --boards boards.yaml"), 2);
-  EXPECT_THAT(err_, HasSubstr("1.jpg' was cut off"));
+  EXPECT_THAT(err_, HasSubstr("1.jpg' cannot be read as an image, or is cut off"));
 }
 
 TEST_F(DetectProgram, MistakesAreOneSentence) {

@@ -28,7 +28,7 @@ absl::StatusOr<Picture> ReadCameraImage(const std::string& file) {
   ASSIGN_OR_RETURN(const std::string bytes, ReadWholeFile(file));
   Picture picture = ImageOfBytes(bytes, cv::IMREAD_COLOR);
   if (picture.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat("'", file, "' is not an image"));
+    return absl::InvalidArgumentError(absl::StrCat("'", file, "' is not an image, or is cut off"));
   }
   return picture;
 }

@@ -179,6 +179,30 @@ TEST_F(BrowserTest, APathOverVeryManyTurnsIsNotDrawn) {
             "true,false");
 }
 
+TEST_F(BrowserTest, AMapOfTooManyConfigurationsIsUnknownAndDrawnAtOnce) {
+  const Scenes scenes(test, SceneWithBlock(2));
+  ASSERT_TRUE(Shows("#status", std::string("Serving")));
+  EXPECT_EQ(browser->Run(R"(
+          const shown = structuredClone(snapshot);
+          shown.space.cells = null;
+          for (const joint of shown.database.grid.joints) joint.steps = 4096;
+          const own = ImageData;
+          ImageData = class { constructor(wide, high) { throw new Error(`${wide} x ${high}`); } };
+          try {
+            drawMap(shown, true);
+          } catch (fault) {
+            return `made an image of ${fault.message}`;
+          } finally {
+            ImageData = own;
+          }
+          const map = document.getElementById('map');
+          const ratio = map.width / map.clientWidth;
+          const [x, y] = [(64 + 20) * ratio, (10 + 20) * ratio];
+          const [red, green, blue] = map.getContext('2d').getImageData(x, y, 1, 1).data;
+          return [red, green, blue].join();)"),
+            "86,180,233");
+}
+
 TEST_F(BrowserTest, ALostCameraAppearsWithinASecond) {
   auto scenes = std::make_unique<Scenes>(test, SceneWithBlock(2));
   ASSERT_TRUE(Shows("#status", std::string("Serving")));
