@@ -124,24 +124,32 @@ bool IsClosed(const TriangleMesh& mesh) { return IsClosedWelded(Welded(mesh)); }
 
 std::vector<TriangleMesh> SolidsOf(const TriangleMesh& mesh) {
   const TriangleMesh welded = Welded(mesh);
-  std::vector<uint32_t> piece(welded.vertices.size());
+  std::map<std::pair<uint32_t, uint32_t>, std::vector<size_t>> at_edge;
+  std::vector<size_t> piece(welded.triangles.size());  // by triangle, towards one for all
   std::iota(piece.begin(), piece.end(), 0);
-  const auto piece_of = [&](uint32_t vertex) {
-    while (piece[vertex] != vertex) vertex = piece[vertex] = piece[piece[vertex]];
-    return vertex;
-  };
-  for (const auto& [a, b, c] : welded.triangles) {
-    piece[piece_of(b)] = piece_of(a);
-    piece[piece_of(c)] = piece_of(a);
+  for (size_t t = 0; t < piece.size(); ++t) {
+    const auto& [a, b, c] = welded.triangles[t];
+    for (const auto& edge : {std::minmax(a, b), std::minmax(b, c), std::minmax(c, a)}) {
+      at_edge[edge].push_back(t);
+    }
   }
-  std::map<uint32_t, TriangleMesh> pieces;
-  for (const auto& triangle : welded.triangles) {
-    TriangleMesh& of_piece = pieces[piece_of(triangle[0])];
+  const auto piece_of = [&](size_t t) {
+    while (piece[t] != t) t = piece[t] = piece[piece[t]];
+    return t;
+  };
+  for (const auto& [edge, at] : at_edge) {
+    if (at.size() == 2) piece[piece_of(at[0])] = piece_of(at[1]);  // else solids meet there
+  }
+  std::map<size_t, TriangleMesh> pieces;
+  for (size_t t = 0; t < piece.size(); ++t) {
+    TriangleMesh& of_piece = pieces[piece_of(t)];
     const auto at = static_cast<uint32_t>(of_piece.vertices.size());
-    for (uint32_t vertex : triangle) of_piece.vertices.push_back(welded.vertices[vertex]);
+    for (uint32_t vertex : welded.triangles[t]) {
+      of_piece.vertices.push_back(welded.vertices[vertex]);
+    }
     of_piece.triangles.push_back({at, at + 1, at + 2});
   }
-  std::map<bool, TriangleMesh> solids;  // by whether the volume's sign is positive
+  std::map<bool, TriangleMesh> solids;  // by whether the volume is positive
   for (const auto& [number, of_piece] : pieces) {
     TriangleMesh& solid = solids[SignedVolume(of_piece) > 0];
     const auto first = static_cast<uint32_t>(solid.vertices.size());
@@ -151,6 +159,7 @@ std::vector<TriangleMesh> SolidsOf(const TriangleMesh& mesh) {
     }
   }
   if (solids.size() == 1) return {mesh};
+  if (!IsClosed(solids[false]) || !IsClosed(solids[true])) return {};
   return {solids[false], solids[true]};
 }
 

@@ -18,6 +18,7 @@ bool IsClosed(const TriangleMesh& mesh);
 
 // Closed meshes, together of all triangles of a closed mesh: if some of its connected pieces are
 // turned the other way, inside out or as hollows of others, those of either way; else the mesh.
+// None: its pieces cannot be told apart.
 std::vector<TriangleMesh> SolidsOf(const TriangleMesh& mesh);
 
 // Samples on a lattice, taken from the meshes once. Cannot be changed once made; used by any number

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <future>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -209,18 +210,20 @@ RobotBody::Fields RobotBody::FieldsOf(const RobotLink& link, const Settings& set
   };
   std::vector<TriangleMesh> certain;
   std::vector<TriangleMesh> whole;
+  bool same = true;
   double bulge = 0;
   for (const LinkGeometry& geometry : link.body(settings.geometry)) {
     bulge = std::max(bulge, BulgeOf(geometry.shape));
     const TriangleMesh mesh = MeshOf(geometry);
     const bool closed = IsClosed(mesh);
     if (closed) certain.push_back(mesh);
-    for (TriangleMesh& solid : closed ? SolidsOf(mesh) : std::vector{HullAround(mesh)}) {
-      whole.push_back(std::move(solid));
-    }
+    std::vector<TriangleMesh> solids = closed ? SolidsOf(mesh) : std::vector<TriangleMesh>();
+    same = same && solids.size() == 1;
+    if (solids.empty()) solids.push_back(HullAround(mesh));
+    std::ranges::move(solids, std::back_inserter(whole));
   }
   Fields fields{.certain = field_of(certain), .whole = nullptr, .bulge = bulge};
-  fields.whole = certain.size() == whole.size() ? fields.certain : field_of(whole);
+  fields.whole = same ? fields.certain : field_of(whole);
   return fields;
 }
 

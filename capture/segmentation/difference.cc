@@ -35,7 +35,8 @@ void Validate(const SegmentationSettings& settings) {
   }
   not_negative(settings.clean_up_radius, "clean_up_radius");
   if (settings.clean_up_radius > SegmentationSettings::kMostCleanUpRadius) {
-    throw std::invalid_argument("segmentation: clean_up_radius must be at most 15");
+    throw std::invalid_argument("segmentation: clean_up_radius must be at most " +
+                                std::to_string(SegmentationSettings::kMostCleanUpRadius));
   }
   not_negative(settings.min_blob_pixels, "min_blob_pixels");
 }

@@ -68,8 +68,9 @@ Words WordsFor(Reason reason) {
     case Reason::kDatabaseDamaged:
       return {
           "database damaged",
-          "the database changed or was damaged while the server used it: restore its files, "
-          "check them with 'silhouette-db verify', and let the server load them again (SIGHUP)"};
+          "the database changed or was damaged while the server used it: replace its whole folder "
+          "by a copy that 'silhouette-db verify' accepts, and let the server load it again "
+          "(SIGHUP)"};
     case Reason::kLightChanged:
       return {"light changed",
               "a view is far darker or brighter than its reference: restore the light and the "

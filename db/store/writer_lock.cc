@@ -62,8 +62,7 @@ absl::StatusOr<int> WriterLock::KeepWritersOut(const std::string& folder, const 
   if (file < 0 && errno == ENOENT) {
     return absl::FailedPreconditionError(absl::StrCat(
         "database '", folder, "' has no '", schema::kWriterFile,
-        "', and without permission to write '", schema::kLockFile,
-        "' nothing else keeps writers out; make an empty file of that name there, or copy the "
+        "', by which readers keep writers out; make an empty file of that name there, or copy the "
         "folder to where this program may write"));
   }
   if (file < 0)

@@ -57,7 +57,7 @@ class SoundBasis {
   // TestSupport::workspace.
   const std::optional<Eigen::AlignedBox3d>& workspace() const { return workspace_; }
 
-  // The links with a shape that is not closed: nothing is certain of it.
+  // RobotBody::open_links().
   const std::vector<std::string>& open_links() const { return body_.open_links(); }
 
   // The least obstacle that the masks can tell from the robot, and by how much they must have more

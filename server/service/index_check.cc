@@ -74,8 +74,8 @@ void IndexCheck::Look(absl::Duration passed) {
   if (status.ok()) status = CompareMap(database);
   if (status.ok() || !database->damage().Note(std::string(status.message()))) return;
   spdlog::error(
-      "nothing is free: {}; restore the database, check it with 'silhouette-db verify', and reload "
-      "it (SIGHUP)",
+      "nothing is free: {}; replace the database's whole folder by a copy that 'silhouette-db "
+      "verify' accepts, and reload it (SIGHUP)",
       std::string(status.message()));
 }
 

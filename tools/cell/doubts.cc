@@ -163,6 +163,23 @@ void DoubtLimits(const SegmentationSettings& settings, std::vector<std::string>&
   }
 }
 
+// Of a payload that is drawn about several links, of which some may carry nothing: what is nearer
+// to them is behind the robot in all images.
+void DoubtPayload(const Cell& cell, std::vector<std::string>& doubts) {
+  constexpr double kWithinMostBodies = 0.1;  // metres
+  if (!cell.robot.drawn || cell.robot.payload_radius <= kWithinMostBodies) return;
+  const std::vector<bool> outermost = cell.robot.model->Outermost();
+  std::vector<std::string> carriers;
+  for (size_t link = 0; link < outermost.size(); ++link) {
+    if (outermost[link]) carriers.push_back(cell.robot.model->links()[link].name);
+  }
+  if (carriers.size() < 2) return;
+  doubts.push_back(absl::StrFormat(
+      "robot: payload_radius: %.2g m is drawn about each of the links '%s': whoever is nearer to "
+      "them is hidden; leave those that carry nothing out of the URDF",
+      cell.robot.payload_radius, absl::StrJoin(carriers, "', '")));
+}
+
 // Of limits that seem to be in millimetres.
 void DoubtSlides(const Cell& cell, std::vector<std::string>& doubts) {
   constexpr double kLongSlide = 10;  // metres
@@ -204,6 +221,7 @@ std::vector<std::string> Doubts(const Cell& cell) {
   }
   DoubtLimits(cell.segmentation, doubts);
   DoubtCleanUp(cell, doubts);
+  DoubtPayload(cell, doubts);
   constexpr double kPerson = 0.25;
   if (cell.sound && cell.sound->least_obstacle > kPerson) {
     doubts.push_back(absl::StrFormat(

@@ -308,7 +308,8 @@ SegmentationSettings ReadSegmentation(const YamlNode& node, const SegmentationSe
   settings.clean_up_radius = AtLeast(map, "clean_up_radius", settings.clean_up_radius, 0);
   if (settings.clean_up_radius > SegmentationSettings::kMostCleanUpRadius) {
     map.Required("clean_up_radius")
-        .Fail("at most 15 is expected: what is thinner than twice as many pixels is removed");
+        .Fail(absl::StrCat("at most ", SegmentationSettings::kMostCleanUpRadius,
+                           " is expected: what is thinner than twice as many pixels is removed"));
   }
   settings.keep_thin_parts = map.Get<bool>("keep_thin_parts", settings.keep_thin_parts);
   settings.min_blob_pixels = AtLeast(map, "min_blob_pixels", settings.min_blob_pixels, 0);

@@ -86,11 +86,11 @@ absl::Status CopyCell(const Database& source, Database& into) {
 // Into a new database, which is there once it is whole.
 absl::StatusOr<std::vector<RemaskedVariant>> RemaskInto(const RemaskArguments& options,
                                                         const CellFile& file) {
+  ASSIGN_OR_RETURN(const auto source,
+                   OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
   // What a session stores, or finds suspect, meanwhile would not be in the new database.
   ASSIGN_OR_RETURN(const int guard, WriterLock::KeepWritersOut(file.database, "; end that first"));
   const absl::Cleanup let_writers_in = [guard] { close(guard); };
-  ASSIGN_OR_RETURN(const auto source,
-                   OpenDatabaseOfOtherMasks(file, Database::Access::kRead, true));
   const std::string part = BesideDatabase(options.into, ".part");
   ASSIGN_OR_RETURN(auto database, MakeBeside(part, DescriptionOf(file.cell), file.cell, *source));
   absl::Cleanup remove = [&] {

@@ -62,6 +62,13 @@ absl::StatusOr<cv::Mat> Pixels(ArvBuffer* buffer) {
   }
 }
 
+// What Aravis' devices share is not for several threads: held while a device is set up, restarted
+// or triggered.
+std::mutex& SharedParts() {
+  static std::mutex mutex;
+  return mutex;
+}
+
 class GenicamCamera : public CameraSource {
  public:
   GenicamCamera(const std::string& view, int width, int height, GenicamSource source)
@@ -74,9 +81,7 @@ class GenicamCamera : public CameraSource {
   absl::Status Open() override {
     Close();
     ASSIGN_OR_RETURN(auto camera, FindDevice(source_));
-    static std::mutex
-        one_at_a_time;  // Aravis' parts that devices share are not for several threads
-    const std::lock_guard lock(one_at_a_time);
+    const std::lock_guard lock(SharedParts());
     RETURN_IF_ERROR(SetUpDevice(camera.get(), width_, height_, source_));
     ASSIGN_OR_RETURN(auto stream, MakeStream(camera.get()));
     lost_ = false;
@@ -102,6 +107,7 @@ class GenicamCamera : public CameraSource {
     }
     asked_ = absl::Now();
     if (source_.trigger != CameraTrigger::kSoftware) return absl::OkStatus();
+    const std::lock_guard lock(SharedParts());
     const absl::Status status = Call(kAravisCameraGone, arv_camera_software_trigger, camera_.get());
     if (status.ok()) return status;
     lost_ = true;
@@ -170,6 +176,7 @@ class GenicamCamera : public CameraSource {
 
   // Throws away all that is under way.
   absl::Status Restart() {
+    const std::lock_guard lock(SharedParts());
     absl::Status status = Call(kAravisCameraGone, arv_camera_stop_acquisition, camera_.get());
     status.Update(Call(kAravisCameraGone, arv_camera_start_acquisition, camera_.get()));
     overdue_ = false;

@@ -92,8 +92,7 @@ class StreamCamera : public CameraSource {
     if (!image_) {
       return absl::DeadlineExceededError(absl::StrCat(
           "no image within ", SpokenTime(timeout_),
-          unreadable_ ? ": those that came cannot be read; set the camera to another pixel format"
-                      : ""));
+          unreadable_ ? ": those that came cannot be read; set the camera to another format" : ""));
     }
     EachImage images;
     images.emplace_back(*std::exchange(image_, std::nullopt));

@@ -141,7 +141,11 @@ void FeedbackRobot::StopWhenAlarmed() {
     lock.lock();
     stopping_ = false;
     changed_.notify_all();
-    if (!stopped.ok() && !alarm_.ok()) {
+    if (stopped.ok()) continue;
+    if (alarm_.ok()) {
+      untold_loss_ = absl::UnavailableError(
+          absl::StrCat("the stop command to the robot failed: ", stopped.message()));
+    } else {
       alarm_ = absl::AbortedError(
           absl::StrCat(alarm_.message(), "; the stop command failed: ", stopped.message()));
     }
@@ -199,8 +203,9 @@ absl::Status FeedbackRobot::MoveTo(std::span<const double> positions) {
     }
   }
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, [&] { return !alarmed_ && !stopping_; });  // that stop is of no later move
   stop_asked_ = false;
+  changed_.wait(lock, [&] { return !alarmed_ && !stopping_; });  // that stop is of no later move
+  if (stop_asked_) return absl::AbortedError("the robot was stopped before it set off");
   ASSIGN_OR_RETURN(const RobotFeedback start, Newest(lock));
   for (const std::string& hindrance : {start.fault, start.not_ready}) {
     if (!hindrance.empty()) {

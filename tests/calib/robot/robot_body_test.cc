@@ -545,7 +545,8 @@ TriangleMesh WithABoxTurnedTheOtherWay(const Vector3d& size, const Vector3d& at)
 TEST_F(RobotBodyTest, PiecesThatAreInsideOutAndHollowsMayBeTouchedAndAreNamed) {
   const RobotModel bare = Read("<robot name='bare'><link name='shell'/></robot>");
   const Vector3d beside(1, 0, 0);
-  for (const Vector3d& at : {Vector3d(0, 0, 0), beside}) {
+  const Vector3d at_a_corner(0.39, 0.39, 0.39);  // one vertex is in both
+  for (const Vector3d& at : {Vector3d(0, 0, 0), beside, at_a_corner}) {
     const auto mesh =
         std::make_shared<const TriangleMesh>(WithABoxTurnedTheOtherWay({0.38, 0.38, 0.38}, at));
     ASSERT_TRUE(IsClosed(*mesh));

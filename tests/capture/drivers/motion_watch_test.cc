@@ -245,8 +245,9 @@ class WrappingLink : public ControllerLink {
     std::mutex mutex;
     std::vector<double> positions = {0, 0};
     int stops = 0;
-    bool loses = false;   // the connection, until the next report
-    absl::Duration gone;  // for how long
+    absl::Status stopped;  // what stops answer
+    bool loses = false;    // the connection, until the next report
+    absl::Duration gone;   // for how long
     int reports = 0;
   };
 
@@ -289,7 +290,7 @@ class WrappingLink : public ControllerLink {
   absl::Status Stop() override {
     const std::lock_guard lock(controller_.mutex);
     ++controller_.stops;
-    return absl::OkStatus();
+    return controller_.stopped;
   }
 
  private:
@@ -391,6 +392,23 @@ TEST_F(WrappingRobotTest, PositionThatIsNoNumberForAMomentStopsTheRobotAndIsALos
   EXPECT_FALSE(state->moving);
   EXPECT_EQ(robot->MoveTo(std::vector<double>{0, 0}), absl::OkStatus());
   EXPECT_EQ(stops(), 1);
+}
+
+TEST_F(WrappingRobotTest, StopThatDoesNotReachARobotWithoutANumberIsALossOfItsOwn) {
+  const auto robot = Connect();
+  ASSERT_EQ(robot->MoveTo(std::vector<double>{1, 0}), absl::OkStatus());
+  {
+    const std::lock_guard lock(controller_.mutex);
+    controller_.stopped = absl::InternalError("no answer");
+    controller_.positions = {1, std::nan("")};
+  }
+  ASSERT_TRUE(Eventually([&] { return stops() == 1; }));
+  Place(1, 0);
+  ASSERT_TRUE(Report());
+  ASSERT_TRUE(Report());
+  const absl::Status lost = robot->MoveTo(std::vector<double>{0, 0});
+  EXPECT_TRUE(absl::IsUnavailable(lost)) << lost;
+  EXPECT_THAT(lost.message(), HasSubstr("the stop command to the robot failed: no answer"));
 }
 
 TEST_F(WrappingRobotTest, RobotThatLeftItsPlaceWhileItReportedNoNumberIsGivenUp) {

@@ -211,6 +211,28 @@ TEST(Cell, MasksThatMissWhatCoversLittleAreRefusedWhereMuchRestsOnThemAndElseDou
   EXPECT_THAT(MessageOf(TwoJoints("  images: drawn\n", "max_move: 0.3", half)), HasSubstr(refused));
 }
 
+TEST(Cell, PayloadThatIsDrawnAboutSeveralLinksIsDoubtedAndTheyAreNamed) {
+  const std::string urdf = (TestFolder() / "track.urdf").string();
+  const auto doubts = [&](const std::string& child, const std::string& radius) {
+    std::ofstream(urdf) << "<robot name='r'><link name='rail'/><link name='foot'/>"
+                           "<link name='base'/><link name='arm'/>"
+                           "<joint name='s' type='prismatic'><parent link='rail'/>"
+                           "<child link='foot'/><limit lower='0' upper='1'/></joint>"
+                           "<joint name='t' type='revolute'><parent link='foot'/>"
+                           "<child link='arm'/><limit lower='0' upper='1'/></joint>"
+                           "<joint name='frame' type='fixed'><parent link='"
+                        << child << "'/><child link='base'/></joint></robot>";
+    return Doubts(*Load("name: x\nrobot: {urdf: " + urdf + ", payload_radius: " + radius +
+                        ", images: drawn, joints: [{name: s}, {name: t}]}\nviews:\n"
+                        "  - {name: a, image_size: [64, 64], mask_size: [64, 64]}\n"));
+  };
+  EXPECT_THAT(doubts("foot", "0.3"),
+              ElementsAre(HasSubstr("payload_radius: 0.3 m is drawn about each of the links "
+                                    "'base', 'arm': ")));
+  EXPECT_THAT(doubts("foot", "0.1"), ElementsAre());
+  EXPECT_THAT(doubts("rail", "0.3"), ElementsAre()) << "no joint moves it";
+}
+
 TEST(Cell, SegmentationThatDropsHandsOrPeopleIsDoubtedInTheViewsWhereItDoes) {
   // Mask pixels of 4 x 4 and of 10 x 10 camera pixels.
   const auto doubts = [](const std::string& segmentation) {
