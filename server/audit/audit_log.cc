@@ -34,7 +34,7 @@ absl::Status CannotWrite(const std::string& path) {
 
 absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const std::string& path) {
   const int file = open(path.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0640);
-  if (file < 0) return CannotWrite(path);
+  if (file < 0) return FailedPrecondition(CannotWrite(path).message());
   absl::Cleanup closing = [file] { close(file); };
   if (flock(file, LOCK_EX | LOCK_NB) != 0) {
     return FailedPrecondition("another process writes the audit file '", path,

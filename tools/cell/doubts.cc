@@ -64,6 +64,26 @@ std::string Called(const std::vector<std::string>& views) {
   return absl::StrCat(views.size() == 1 ? "view '" : "views '", absl::StrJoin(views, "', '"), "'");
 }
 
+// Of times after which a robot that does not report, or does not move on, is stopped.
+void DoubtRobot(const Cell& cell, std::vector<std::string>& doubts) {
+  constexpr absl::Duration kLong = absl::Seconds(30);
+  const auto long_time = [&](const std::string& key, absl::Duration time, const std::string& what) {
+    if (time <= kLong) return;
+    doubts.push_back(absl::StrCat(key, ": a robot that ", what, " is stopped only after ",
+                                  SpokenTime(time),
+                                  "; a number without a unit is in seconds, milliseconds are "
+                                  "written as '500 ms'"));
+  };
+  long_time("capture: arrival_timeout", cell.capture.arrival_timeout, "does not move on");
+  std::visit(
+      [&](const auto& driver) {
+        if constexpr (requires { driver.timeout; }) {
+          long_time("robot: driver: timeout", driver.timeout, "no longer reports its position");
+        }
+      },
+      cell.robot.driver);
+}
+
 // Of cameras with which a live server's scenes are stale for long.
 void DoubtSources(const Cell& cell, std::vector<std::string>& doubts) {
   const absl::Duration max_age = cell.server.scene.max_age;
@@ -221,6 +241,7 @@ std::vector<std::string> Doubts(const Cell& cell) {
   }
   DoubtLimits(cell.segmentation, doubts);
   DoubtCleanUp(cell, doubts);
+  DoubtRobot(cell, doubts);
   DoubtPayload(cell, doubts);
   constexpr double kPerson = 0.25;
   if (cell.sound && cell.sound->least_obstacle > kPerson) {

@@ -24,6 +24,16 @@ double JointTolerance(const YamlNode& node) {
   return tolerance;
 }
 
+// Of the fastest joint per second. More is likely to be in degrees.
+double JointSpeed(const YamlNode& node) {
+  constexpr double kMost = 6.3;
+  const double speed = PositiveAngle(node);
+  if (speed > kMost) {
+    node.Fail("at most 6.3 rad (of slides, m) a second are expected; write degrees as '30 deg'");
+  }
+  return speed;
+}
+
 // A radius; only a slip of the unit is beyond the limit.
 double LeastObstacle(const YamlNode& node) {
   return node.AsPositiveLengthUpTo(
@@ -250,7 +260,7 @@ CaptureSettings ReadCapture(const YamlNode& node, const ConfigurationGrid& grid,
     map.Required("commit_interval").Fail("at most 2 s, so that little work is at risk");
   }
   map.Read("joint_tolerance", capture.joint_tolerance, JointTolerance);
-  map.Read("joint_speed", capture.joint_speed, PositiveAngle);
+  map.Read("joint_speed", capture.joint_speed, JointSpeed);
   map.Read("arrival_timeout", capture.arrival_timeout, &YamlNode::AsPositiveTime);
   capture.reference_images = AtLeast(map, "reference_images", capture.reference_images, 2);
   if (const auto regions = map.Optional("forbidden_regions")) {

@@ -74,7 +74,7 @@ absl::Status InUse(const Client& client) {
   return FailedPrecondition(
       "the server at ", client.address(),
       " is in use: it gets scenes from elsewhere, or regions are allowed there. Replay to a "
-      "server of its own: silhouette-server --database ... --listen 127.0.0.1:0");
+      "server of its own: silhouette-server --cell ... --database ... --listen 127.0.0.1:0");
 }
 
 // The server that a recording is replayed to. Ends the regions that it allowed, however it goes.

@@ -168,6 +168,30 @@ TEST(Cell, CamerasThatMakeScenesStaleAreDoubtedInOneSentenceForAllViews) {
   EXPECT_THAT(with(", timeout: 2 s", "3 s"), ElementsAre());
 }
 
+TEST(Cell, JointSpeedInDegreesIsRefused) {
+  const auto with = [](const std::string& speed) {
+    return std::string(kBareCell) + "capture: {joint_speed: " + speed + "}\n";
+  };
+  EXPECT_THAT(MessageOf(with("30")), HasSubstr("write degrees as '30 deg'"));
+  EXPECT_NEAR(Load(with("30 deg"))->capture.joint_speed, 0.5236, 1e-4);
+  EXPECT_EQ(Load(with("6"))->capture.joint_speed, 6);
+}
+
+TEST(Cell, TimesAfterWhichARobotIsStoppedAreDoubtedIfTheyAreLong) {
+  const std::string long_times = "capture: {arrival_timeout: 5000}\n";
+  EXPECT_THAT(Doubts(*Load(std::string(kBareCell) + long_times)),
+              ElementsAre(AllOf(HasSubstr("capture: arrival_timeout: a robot that does not move on "
+                                          "is stopped only after 1 h 23 min"),
+                                HasSubstr("written as '500 ms'"))));
+  std::string driven(kBareCell);
+  const std::string joints = "  joints:";
+  ASSERT_NE(driven.find(joints), std::string::npos);
+  driven.insert(driven.find(joints), "  driver: {grpc: {address: 'localhost:1', timeout: 1000}}\n");
+  EXPECT_THAT(Doubts(*Load(driven)),
+              ElementsAre(HasSubstr("robot: driver: timeout: a robot that no longer reports its "
+                                    "position is stopped only after ")));
+}
+
 TEST(Cell, SlideWithLimitsInMillimetresIsDoubted) {
   const auto with = [](const std::string& limits) {
     const std::string urdf = (TestFolder() / "slide.urdf").string();

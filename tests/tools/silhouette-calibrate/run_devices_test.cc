@@ -135,7 +135,7 @@ class RunOnOwnDevices : public ProgramTest {
                        camera_.address(),
                        "\", camera: left, timeout: 20 s}}, image_size: [240, 180], "
                        "mask_size: [60, 45]}\n"
-                       "capture: {settle: 5 ms, joint_speed: 20}\n"));
+                       "capture: {settle: 5 ms, joint_speed: 6}\n"));
   }
   void StopRobot() {
     server_.reset();

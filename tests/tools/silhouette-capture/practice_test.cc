@@ -105,7 +105,7 @@ class Practice : public testing::Test {
                      {"driver: sim", "driver: " + nlohmann::json{{protocol, robot}}.dump()},
                      {"name: top, source: sim", "name: top, " + source},
                      {"name: front, source: sim", "name: front, " + source},
-                     {"settle: 5 ms", "settle: 5 ms\n  joint_speed: 20\n  retry: 10 s" + more}});
+                     {"settle: 5 ms", "settle: 5 ms\n  joint_speed: 6\n  retry: 10 s" + more}});
   }
 
   static std::vector<std::string> LostForAMoment() {

@@ -36,7 +36,7 @@ class ServedSession : public testing::Test {
     more.insert(more.end(),
                 {{"name: top, source: sim", "name: top, source: {gige: {serial: top}}"},
                  {"name: front, source: sim", "name: front, source: {gige: {serial: front}}"},
-                 {"settle: 5 ms", "settle: 30 ms\n  joint_speed: 20\n  retry: 1 s"}});
+                 {"settle: 5 ms", "settle: 30 ms\n  joint_speed: 6\n  retry: 1 s"}});
     cell_.WriteCell(more);
   }
 
