@@ -195,8 +195,8 @@ void DoubtPayload(const Cell& cell, std::vector<std::string>& doubts) {
   }
   if (carriers.size() < 2) return;
   doubts.push_back(absl::StrFormat(
-      "robot: payload_radius: %.2g m is drawn about each of the links '%s': whoever is nearer to "
-      "them is hidden; leave those that carry nothing out of the URDF",
+      "robot: payload_radius: %.2g m is drawn about each of the links '%s': people nearer to "
+      "them are hidden; leave those that carry nothing out of the URDF",
       cell.robot.payload_radius, absl::StrJoin(carriers, "', '")));
 }
 
